@@ -250,7 +250,7 @@ def expect_state(status: Latest[RigStatus], reply: Reply, within_s: float) -> No
     """
     answered_ns = reply.utc_ns
     if answered_ns is not None:
-        status.expect(lambda newest: newest.utc_ns >= answered_ns, within_s)
+        status.expect(lambda newest: newest.utc_ns >= answered_ns, within_s, answered_ns)
 
 
 def stream_end(status: RigStatus | None, opened: Reply) -> LeaseLostError | None:

@@ -194,7 +194,7 @@ class Readings:
                 and state.utc_ns >= answered_ns
             )
 
-        self.latest(topic, kind).expect(includes, self._timeout_s)
+        self.latest(topic, kind).expect(includes, self._timeout_s, answered_ns)
         self.expect_status(reply)
 
     def expect_status(self, reply: Reply) -> None:
@@ -237,7 +237,7 @@ class Readings:
                 f"the recorder of rig {self._keys.rig} has done it, but says nothing since"
             ) from None
         self.latest(Topics.RECORDING, RecordingState).expect(
-            lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s
+            lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s, state.utc_ns
         )
         return state
 

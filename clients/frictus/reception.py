@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Generic, Protocol, Self, TypeAlias, TypeVar
+from typing import Final, Generic, Protocol, Self, TypeAlias, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
@@ -195,6 +195,14 @@ def _decoded(decode: Callable[[Arrival], T], arrival: Arrival) -> T:
         raise FrameError(f"{type(error).__name__}: {error}") from error
 
 
+SET_BACK_NS: Final = 1_000_000_000
+"""A publisher whose clock is set back by more would be out of date until it has caught up."""
+
+
+def _utc_ns(value: object) -> int:
+    return getattr(value, "utc_ns", None) or 0
+
+
 class Latest(Generic[T]):
     """The newest value under a key; also the one published before we came.
 
@@ -213,6 +221,7 @@ class Latest(Generic[T]):
         self._reading = threading.Lock()
         self._expected: Callable[[T], bool] | None = None
         self._expected_until_s = 0.0
+        self._confirmed_ns = 0
         self._declared: Declared | None = declare(Callback(self._mailbox.put, indirect=False))
 
     @property
@@ -220,7 +229,9 @@ class Latest(Generic[T]):
         """Whether it no longer receives."""
         return self._declared is None
 
-    def expect(self, holds: Callable[[T], bool], within_s: float) -> None:
+    def expect(
+        self, holds: Callable[[T], bool], within_s: float, confirmed_ns: int | None = None
+    ) -> None:
         """Have `value` wait for what the publisher is known to be about to publish.
 
         Parameters
@@ -229,8 +240,11 @@ class Latest(Generic[T]):
             Whether a value includes it.
         within_s : float
             Longest wait, from now.
+        confirmed_ns : int or None
+            When it was confirmed, UTC by the publisher's clock, ns.
         """
         self._expected, self._expected_until_s = holds, time.monotonic() + within_s
+        self._confirmed_ns = confirmed_ns or 0
 
     def value(self, timeout_s: float) -> T:
         """Return the newest value; wait for the first one, and for what is expected.
@@ -292,7 +306,10 @@ class Latest(Generic[T]):
         except EndedError:
             raise LinkError("the client was closed; connect again") from None
         if arrival is not None:
+            before_ns = _utc_ns(self._value)
             self._value = _decoded(self._decode, arrival)
+            if _utc_ns(self._value) < min(before_ns, self._confirmed_ns) - SET_BACK_NS:
+                self._expected = None  # this came later, whatever the clock says
         return self._value
 
     def close(self) -> None:

@@ -58,6 +58,25 @@ def test_a_state_that_was_confirmed_and_never_published_is_outdated(
         assert rig.scene().etag == "e2"
 
 
+def test_a_rig_whose_clock_was_set_back_is_read_at_once(router: str, fake: Any) -> None:
+    fake.say_everything_once()
+    now_ns = 3_600 * 10**9
+    fake.refusal = Reply(ok=True, utc_ns=now_ns)
+    with frictus.connect(router, timeout_s=0.3) as client:
+        rig = client.rig("sim")
+        fake.say(Topics.STATUS, fake.status(utc_ns=now_ns - 10**9))
+        while rig.status().utc_ns != now_ns - 10**9:
+            pass
+        rig.stop()
+        with pytest.raises(OutdatedStateError):
+            rig.status()
+        with rig.watch(Topics.STATUS, timeout_s=WAIT_S) as states:
+            fake.say(Topics.STATUS, fake.status(utc_ns=10**9))  # an hour before it answered
+            while next(states).utc_ns != 10**9:  # type: ignore[attr-defined]
+                pass
+        assert rig.status().utc_ns == 10**9
+
+
 def test_several_people_speak_through_one_client(client: Client, fake: Any) -> None:
     fake.say_everything_once()
     rig = client.rig("sim")
