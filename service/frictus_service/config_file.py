@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from frictus.errors import complaint
 from frictus_service.config import DEFAULT_FILE, Config, Place
 from frictus_service.errors import ConfigurationError
 
@@ -107,7 +108,7 @@ def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> 
         place = (*place, "kind")
     line = _line_of(place, lines)
     dotted = ".".join(str(part) for part in place) or "the file"
-    message = fault["msg"].removeprefix("Value error, ")
+    message = complaint(fault)
     if fault["type"] == "extra_forbidden":
         accepted = sorted(_schema_at(fault["loc"][:-1]).get("properties", {}))
         unknown = str(fault["loc"][-1])

@@ -230,8 +230,11 @@ def _by_analysis(
         raise EstimateError(str(error)) from error
     friction = [m for m in participant_models(identification) if m.response == "friction"]
     if not friction:
+        # That intervals are of one person is so of every calibration, and no reason.
+        why = [note for note in identification.notes if not note.startswith("One participant")]
         raise EstimateError(
-            f"the trials in {study} give no speed law: {'; '.join(identification.notes)}"
+            f"the trials give no speed law. {' '.join(why)} It takes three tones at each of "
+            f"two speeds. All trials are kept in {study}"
         )
     found = friction[0]
     told = found.provenance | _provenance(spec, study)

@@ -72,6 +72,19 @@ def test_unseen_trials_are_met_by_the_estimate_that_made_the_model(
     assert held["in_sample_db"] < held["held_out_db"] < held["placeholder_db"]
 
 
+def test_trials_of_too_few_tones_say_what_is_missing(
+    rng: np.random.Generator, tmp_path: Path
+) -> None:
+    asks = paper_asks()
+    two = sorted({ask.tones_hz for ask in asks})[6:8]
+    trials = draw(rng, somebody(rng), [ask for ask in asks if ask.tones_hz in two], STEADY)
+    spec = CalibrationSpec(rig="rig1", participant="p", protocol=PaperProtocol(), seed=1)
+    (tmp_path / "study.h5").write_bytes(b"hashed, and not read")
+    with pytest.raises(EstimateError, match=r"no speed law\. No .* three tones") as caught:
+        conclude(spec, trials, (), (), tmp_path / "study.h5", ())
+    assert "people in general" not in str(caught.value)
+
+
 def test_trials_that_give_no_law_say_which_sensor_lies_otherwise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

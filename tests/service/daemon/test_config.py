@@ -130,7 +130,7 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         pytest.param(
             f"rig = {'[' * 5_000}{']' * 5_000}", 1, ["within each other"], id="very deep"
         ),
-        ('site = "a/b"\n', 1, ["site", "'a/b'"]),
+        ('site = "a/b"\n', 1, ["site", "'a/b'", "ASCII letters, digits"]),
         ('[router]\n\nendpoint = "tcp/a:99999"\n', 3, ["router.endpoint", "1 to 65535"]),
         ('[router]\nendpoint = "tcp/[::1]:0"\n', 2, ["router.endpoint", "1 to 65535"]),
         ('site = "a"\n[router]\nendpoint = "tls/a:7447"\n', 3, ["tls/HOST:PORT"]),
