@@ -174,6 +174,8 @@ def _read(kind: type[AnyMessage], payload: bytes) -> AnyMessage:
 
 
 def _check_counts(payload: bytes) -> None:
+    if len(payload) < MAX_DIGITS:  # too short to hold too much of anything
+        return
     octets = np.frombuffer(payload, np.uint8)  # counted without the interpreter's lock
     nested = np.count_nonzero(octets == ord("[")) + np.count_nonzero(octets == ord("{"))
     if nested > MAX_NESTED:
