@@ -46,6 +46,22 @@ def test_friction_and_mobility_follow_the_law(tmp_path: Path, rng: np.random.Gen
         assert abs(np.degrees(np.angle(mobility))) < 0.3
 
 
+def test_a_second_mode_adds_its_share_at_its_frequency(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    share, hz, quality = rng.uniform((0.3, 150.0, 2.0), (1.0, 600.0, 8.0))
+    mode = {"share": share, "frequency_hz": hz, "quality": quality}
+    hidden = (Hidden("second_mode", mode),)
+    for trial in observations(tmp_path, hidden, int(rng.integers(2**31)), LAW_ONLY):
+        rows = trial.rows
+        s = 2j * np.pi * rows.tone_hz
+        first = s / (0.0015 * s**2 + 1.3 * s + 444.0)
+        second = share / 1.3 / (1.0 + 1j * quality * (rows.tone_hz / hz - hz / rows.tone_hz))
+        error = np.median(rows.mobility / (first + second))
+        assert abs(abs(error) - 1.0) < 0.01
+        assert abs(np.degrees(np.angle(error))) < 0.5
+
+
 Expected = Callable[[ResponseRows, float, float], ComplexArray]
 
 RATIOS: dict[str, Expected] = {

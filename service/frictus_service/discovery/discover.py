@@ -177,6 +177,7 @@ def criticise(posed: PosedStudy, *, seed: int = 0) -> Discovery:
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
         first = decide(problem, flips)
+        problem = first.problem
         beyond = look_beyond(problem, first, flips)
         found = first
         if beyond.form is not None:

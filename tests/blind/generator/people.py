@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from tests.blind.generator.case import Hidden
 from tests.blind.generator.hide import F0_N, OF_PEOPLE, V0_MM_S, hide
-from tests.blind.generator.transfer import Rational, skin
+from tests.blind.generator.transfer import Rational, skin, with_second_mode
 from tests.blind.generator.world import World
 
 GAIN_N = 0.39
@@ -14,6 +14,8 @@ SLOPE_HZ_PER_MM_S = 13.811
 CUTOFF_HZ = CUTOFF_0_HZ + SLOPE_HZ_PER_MM_S * V0_MM_S
 
 
+SECOND_MODE = "second_mode"
+"""What is hidden in the skin, and not in the world."""
 MOST_DAMPED = 0.9
 """Damping ratio of a skin, at most."""
 
@@ -102,22 +104,27 @@ def draw_person(
     world = World().with_gain(
         lambda m: (m.speed_mm_s / V0_MM_S) ** of_speed * (m.normal_force_n / F0_N) ** of_force
     )
+    in_skin = {}
     for each in hidden:
         own = 1.0 + spread.effect * float(np.clip(rng.standard_normal(), -2.5, 2.5))
-        world = hide(world, each, own if each.name in OF_PEOPLE else 1.0)
+        if each.name == SECOND_MODE:
+            in_skin = each.parameters | {"share": own * each.parameters["share"]}
+        else:
+            world = hide(world, each, own if each.name in OF_PEOPLE else 1.0)
     relative = 1.0 + spread.slope * float(np.clip(rng.standard_normal(), -2.5, 2.5))
     slope = cutoff_hz / CUTOFF_HZ * SLOPE_HZ_PER_MM_S * relative
     mass_kg, stiffness = (mean * _around_one(spread.skin, rng) for mean in (0.0015, 444.0))
     # The modes of an overdamped skin would be real, and may fall on those of friction.
     most = MOST_DAMPED * 2.0 * float(np.sqrt(mass_kg * stiffness))
     damping = min(1.3 * _around_one(spread.skin, rng), most)
+    own_skin = skin(mass_kg, damping, stiffness)
     return Person(
         name=name,
         gain_n=GAIN_N * _around_one(spread.gain, rng),
         cutoff_hz=cutoff_hz,
         slope_hz_per_mm_s=slope if has_slope else 0.0,
         friction_coefficient=0.3 * _around_one(spread.friction, rng),
-        skin=skin(mass_kg, damping, stiffness),
+        skin=with_second_mode(own_skin, **in_skin) if in_skin else own_skin,
         world=world,
     )
 

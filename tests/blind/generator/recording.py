@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tests.blind.generator.case import Hidden
 from tests.blind.generator.motion import Motion
-from tests.blind.generator.people import Person, Spread, draw_person
+from tests.blind.generator.people import SECOND_MODE, Person, Spread, draw_person
 from tests.blind.generator.plan import Planned
 from tests.blind.generator.recursion import BLOCK, RATE_HZ, ComplexArray, FloatArray
 from tests.blind.generator.study import STEPS, study_info
-from tests.blind.generator.transfer import Rational
+from tests.blind.generator.transfer import Rational, with_second_mode
 from tests.blind.generator.trial import (
     CARRIER_HZ,
     LEAD_SAMPLES,
@@ -82,8 +82,12 @@ def make_recording(path: Path, recording: Recording, seed: int) -> None:
     """
     rng = np.random.default_rng(seed)
     hidden = recording.hidden
-    by_world = hidden is not None and hidden.name != "second_mode"
-    person = draw_person("P01", (hidden,) if hidden and by_world else (), ALONE, True, rng)
+    in_skin = hidden is not None and hidden.name == SECOND_MODE
+    person = draw_person(
+        "P01", () if hidden is None or in_skin else (hidden,), ALONE, True, rng
+    )
+    if hidden is not None and in_skin:
+        person = replace(person, skin=with_second_mode(person.skin, **hidden.parameters))
     blocks = int(recording.seconds * RATE_HZ) // BLOCK + LEAD_SAMPLES // BLOCK
     motion, stroke = _explore(blocks, rng) if recording.seconds > 5.0 else _swipe(blocks, rng)
     make = _driven if recording.source == "drive" else _textured
@@ -207,7 +211,7 @@ def _textured(
         filtered: FloatArray = np.fft.irfft(spectrum * delayed, n)
         return filtered
 
-    mobility = _velocity(person.skin, recording.hidden).at(s)
+    mobility = _velocity(person.skin).at(s)
     force_x = through(world.mount.at(s), -sensors.force_skew_s)
     at_rest = float(world.mount.at(np.zeros(1))[0].real)
     force_x += at_rest * finely(person.friction_coefficient * motion.normal_force_n * slide)
@@ -216,18 +220,9 @@ def _textured(
     return _trial(recording, motion, sensors, force_x, rng, skin_velocity_m_s=skin)
 
 
-def _velocity(skin: Rational, hidden: Hidden | None) -> Rational:
-    """Return skin velocity per force; with a second mode beside the first where one is hid."""
-    mass, damping, stiffness = skin.denominator
-    first = np.array([mass, damping, stiffness])
-    if hidden is None or hidden.name != "second_mode":
-        return Rational((1.0, 0.0), (mass, damping, stiffness))
-    omega = 2.0 * np.pi * hidden.parameters["frequency_hz"]
-    width = omega / hidden.parameters["quality"]
-    second = np.array([1.0, width, omega**2])
-    peak = hidden.parameters["share"] / damping * width
-    numerator = np.polyadd(second, peak * first)
-    return Rational((*numerator.tolist(), 0.0), tuple(np.polymul(first, second).tolist()))
+def _velocity(skin: Rational) -> Rational:
+    """Return skin velocity per force, of a skin from force to acceleration."""
+    return Rational(skin.numerator[:-1], skin.denominator)
 
 
 def _trial(

@@ -62,3 +62,27 @@ def other_mount(resonance_hz: float, damping: float) -> Rational:
 def skin(mass_kg: float, damping_n_s_m: float, stiffness_n_m: float) -> Rational:
     """Return a mass on spring and damper, from force to acceleration."""
     return Rational((1.0, 0.0, 0.0), (mass_kg, damping_n_s_m, stiffness_n_m))
+
+
+def with_second_mode(
+    first: Rational, share: float, frequency_hz: float, quality: float
+) -> Rational:
+    """Return a skin with a second resonance beside the first, from force to acceleration.
+
+    Parameters
+    ----------
+    first : Rational
+        From `skin`.
+    share : float
+        Of the first mode's velocity at resonance.
+    frequency_hz, quality : float
+        Of the second.
+    """
+    _, damping_n_s_m, _ = first.denominator
+    omega = 2.0 * np.pi * frequency_hz
+    width = omega / quality
+    second = np.array([1.0, width, omega**2])
+    beside = share / damping_n_s_m * width * np.array(first.denominator)
+    numerator = np.polymul(np.polyadd(second, beside), [1.0, 0.0, 0.0])
+    denominator = np.polymul(first.denominator, second)
+    return Rational(tuple(numerator.tolist()), tuple(denominator.tolist()))

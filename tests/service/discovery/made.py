@@ -16,11 +16,12 @@ from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.linear import Mobility, Mount, TransferFunction
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Prediction, Probe, Simulator, predict
-from frictus_service.discovery.discover import discover
+from frictus_service.discovery.discover import discover, pose
 from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
@@ -253,6 +254,24 @@ def _stretches(
         low_n2=quiet + seen.low_n2,
         low_variance=(scatter.low * quiet) ** 2,
     )
+
+
+def skins_with_mode(
+    rng: np.random.Generator, share: float, frequency_hz: float, quality: float
+) -> DiscoveryProblem:
+    """Return the problem of six people whose skins have a second mode, at seven tones."""
+    design = Design(
+        participants=6,
+        speeds_mm_s=(60.0,),
+        forces_n=(0.4,),
+        tones_hz=(40.0, 80.0, 150.0, 300.0, 500.0, 750.0, 1900.0),
+        tones_per_trial=1,
+    )
+    mode = {"share": share, "frequency_hz": frequency_hz, "quality": quality}
+    evidence = made(rng, [("second_mode", mode)], design, base=PAPER_SKIN)
+    problem = pose(evidence, facts(evidence), MOUNT, base_model("paper", "mobility")).problem
+    assert problem is not None
+    return problem
 
 
 def facts(evidence: Sequence[TrialEvidence]) -> StudyFacts:

@@ -24,6 +24,8 @@ from frictus_service.discovery.inference.linearisation import (
     linearise,
     misfit,
 )
+from frictus_service.discovery.inference.mode_fit import fit_mode, modes_of, starts_near
+from frictus_service.discovery.inference.mode_shape import mode_in
 from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.inference.significance import Significance
 from frictus_service.discovery.problem.problem import DiscoveryProblem
@@ -34,6 +36,8 @@ NAMING: Final = 0.05
 CLEARLY_BETTER: Final = 10.0
 """Sum of squares by which a cause must leave less than one that it replaces."""
 ATTEMPTS: Final = 4
+MODE_FITS: Final = 2
+"""Of a mode: alone, and beside other causes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,8 @@ class Decision:
 
     Attributes
     ----------
+    problem : DiscoveryProblem
+        In which a mode of the skin is where it was fitted.
     named : tuple of CauseDecision
         The causes, strongest first.
     unexplained : tuple of UnexplainedPattern
@@ -58,6 +64,7 @@ class Decision:
         Coefficient at which each shows as much as measuring is accurate, about the base.
     """
 
+    problem: DiscoveryProblem
     named: tuple[CauseDecision, ...]
     unexplained: tuple[UnexplainedPattern, ...]
     base: Linearised
@@ -77,17 +84,9 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
         Data, base model and candidates.
     flips : ndarray, shape (n_flips, n_units)
     """
-    known: dict[tuple[int, ...], Linearised] = {}
-
-    def about(chosen: Sequence[int]) -> Linearised:
-        key = tuple(chosen)
-        if key not in known:
-            known[key] = linearise(problem, key, start=known.get(()))
-        return known[key]
-
     kinds = [candidate.effect for candidate in problem.candidates]
+    problem, about, banned = _with_fitted_mode(problem, flips, kinds)
     base = about(())
-    banned: set[int] = set()
     for _ in range(ATTEMPTS):
         selected = select(
             lambda chosen: about(chosen).units, flips, NAMING, banned, kinds=kinds
@@ -119,6 +118,7 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
         float(each.gain.sum()) for each in said.unexplained
     )
     return Decision(
+        problem=problem,
         named=tuple(named),
         unexplained=said.unexplained,
         base=base,
@@ -130,12 +130,61 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
     )
 
 
+Models = Callable[[Sequence[int]], Linearised]
+"""From chosen candidates to the model fitted with them."""
+
+
+def _with_fitted_mode(
+    problem: DiscoveryProblem, flips: FloatArray, kinds: Sequence[str]
+) -> tuple[DiscoveryProblem, Models, set[int]]:
+    """Return the problem with the mode that is significant fitted, its models, other modes.
+
+    First alone, from several starts: causes beside a mode in the wrong place may only stand in
+    for what it leaves. Then beside those that are significant beside the fitted one.
+    """
+    about, rest = _models_of(problem), set[int]()
+    others: tuple[int, ...] = ()
+
+    def chosen_by(about: Models) -> tuple[int, ...]:
+        return select(
+            lambda chosen: about(chosen).units, flips, NAMING, rest, kinds=kinds
+        ).effects
+
+    chosen = chosen_by(about)
+    mode = mode_in(problem.candidates, chosen)
+    if mode is None:
+        return problem, about, rest
+    starts = starts_near(problem, about(()), mode)
+    rest = {each for each in modes_of(problem) if each != mode}
+    for _ in range(MODE_FITS):
+        problem = fit_mode(problem, about(()), starts, mode, others)
+        about = _models_of(problem, about(()))
+        chosen = chosen_by(about)
+        starts, others = [problem.candidates[mode]], tuple(k for k in chosen if k != mode)
+        if mode not in chosen or not others:
+            break
+    return problem, about, rest
+
+
+def _models_of(problem: DiscoveryProblem, start: Linearised | None = None) -> Models:
+    """Return what fits a model with chosen candidates, each once."""
+    known: dict[tuple[int, ...], Linearised] = {}
+
+    def about(chosen: Sequence[int]) -> Linearised:
+        key = tuple(chosen)
+        if key not in known:
+            known[key] = linearise(problem, key, start=known.get((), start))
+        return known[key]
+
+    return about
+
+
 def _better_of_like(
     problem: DiscoveryProblem,
     model: Linearised,
     named: Sequence[CauseDecision],
     banned: Collection[int],
-    about: Callable[[Sequence[int]], Linearised],
+    about: Models,
 ) -> tuple[int, ...]:
     """Return the causes; one whose form does not fit gives way to one like it that fits better.
 

@@ -167,6 +167,23 @@ def _likelihood(whitenings: Sequence[Whitening], rests: Sequence[FloatArray]) ->
     )
 
 
+def likelihood(problem: DiscoveryProblem, model: Linearised) -> float:
+    """Return how likely a fitted model makes the readings of all units, in nats.
+
+    Each model is weighed by the scatter about itself: that about a model which lacks something
+    holds what it lacks, and tells no two models that have it apart.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+        Data, base model and candidates.
+    model : Linearised
+        A fitted model with the units about it.
+    """
+    determinants = sum(each.log_determinant for each in model.whitenings)
+    return determinants - 0.5 * misfit(problem, model, model)
+
+
 def units_about(
     problem: DiscoveryProblem,
     own: FloatArray,

@@ -23,6 +23,7 @@ from frictus_service.discovery.evidence.observation_table import (
     used,
 )
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.inference.mode_shape import SHAPE
 from frictus_service.discovery.one_recording.folds import (
     LEAST_APART_S,
     LEAST_FOLDS,
@@ -30,7 +31,6 @@ from frictus_service.discovery.one_recording.folds import (
     correlation_time_s,
     folds_of,
 )
-from frictus_service.discovery.one_recording.mode_shape import SHAPE
 from frictus_service.discovery.one_recording.phrasing import statement_of
 from frictus_service.discovery.one_recording.ranking import RULE, FittedModel, Ranking, rank
 from frictus_service.discovery.one_recording.repeats import SeenSamples

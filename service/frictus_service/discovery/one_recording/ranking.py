@@ -30,8 +30,7 @@ from frictus_service.discovery.inference.linearisation import (
     Linearised,
     linearise,
 )
-from frictus_service.discovery.inference.units_anew import weighted_as
-from frictus_service.discovery.one_recording.mode_shape import (
+from frictus_service.discovery.inference.mode_shape import (
     MOST_STEP,
     STEPS,
     ModeShape,
@@ -39,6 +38,7 @@ from frictus_service.discovery.one_recording.mode_shape import (
     moved,
     with_shape,
 )
+from frictus_service.discovery.inference.units_anew import weighted_as
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 

@@ -38,6 +38,7 @@ from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.observation_table import UnitAssignment
 from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
+from frictus_service.discovery.inference.mode_fit import shape_of
 from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import with_refitted_nuisance
 from frictus_service.discovery.problem.base_models import law_with_own
@@ -49,6 +50,7 @@ from frictus_service.discovery.report.figures import (
     residual_bins,
     rests_of,
 )
+from frictus_service.discovery.report.mode_parameters import with_shape
 
 POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""
@@ -254,6 +256,9 @@ class Assembly:
         found = {candidate.parameter: estimate}
         for name, held in candidate.held:
             found[name] = ParameterEstimate(value=held, ci95=None, unit=units[name])
+        if candidate.effect == "second_mode":
+            shape = shape_of(self._problem, self._found.extended, each.candidate)
+            return with_shape(found, candidate.parameter, shape)
         return found
 
     def _unexplained(self, each: UnexplainedPattern) -> Unexplained:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from frictus_service.discovery.document import ParameterEstimate
+from frictus_service.discovery.inference.mode_shape import ModeShape, mode_in, moved
 from frictus_service.discovery.one_recording.analysis import _model
-from frictus_service.discovery.one_recording.mode_shape import ModeShape, mode_in, moved
 from frictus_service.discovery.one_recording.ranking import FittedModel, Ranking
 from frictus_service.discovery.problem.candidates import candidates_of
 
