@@ -26,7 +26,7 @@ from frictus_service.discovery.inference.linearisation import (
 )
 from frictus_service.discovery.inference.mode_fit import fit_mode, modes_of, starts_near
 from frictus_service.discovery.inference.mode_shape import mode_in
-from frictus_service.discovery.inference.selection import select
+from frictus_service.discovery.inference.selection import Selected, select
 from frictus_service.discovery.inference.significance import Significance
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.identification.inference.statistics import mean_of
@@ -85,12 +85,10 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
     flips : ndarray, shape (n_flips, n_units)
     """
     kinds = [candidate.effect for candidate in problem.candidates]
-    problem, about, banned = _with_fitted_mode(problem, flips, kinds)
+    problem, about, begin, banned = _with_fitted_mode(problem, flips, kinds)
     base = about(())
     for _ in range(ATTEMPTS):
-        selected = select(
-            lambda chosen: about(chosen).units, flips, NAMING, banned, kinds=kinds
-        )
+        selected = _selected(about, flips, kinds, begin, banned)
         model = about(selected.effects)
         said = say(problem, base, model, flips)
         better = _better_of_like(problem, model, said.named, banned, about)
@@ -136,34 +134,46 @@ Models = Callable[[Sequence[int]], Linearised]
 
 def _with_fitted_mode(
     problem: DiscoveryProblem, flips: FloatArray, kinds: Sequence[str]
-) -> tuple[DiscoveryProblem, Models, set[int]]:
-    """Return the problem with the mode that is significant fitted, its models, other modes.
+) -> tuple[DiscoveryProblem, Models, tuple[int, ...], set[int]]:
+    """Return the problem with a significant mode fitted, its models, the mode, other modes.
 
     First alone, from several starts: causes beside a mode in the wrong place may only stand in
-    for what it leaves. Then beside those that are significant beside the fitted one.
+    for what it leaves. Then beside those that are significant beside the fitted one. Near the
+    first mode the base model bends mass and stiffness so far that the fitted one does not show
+    about it: it was seen already, and is judged about the model that has it.
     """
-    about, rest = _models_of(problem), set[int]()
-    others: tuple[int, ...] = ()
-
-    def chosen_by(about: Models) -> tuple[int, ...]:
-        return select(
-            lambda chosen: about(chosen).units, flips, NAMING, rest, kinds=kinds
-        ).effects
-
-    chosen = chosen_by(about)
-    mode = mode_in(problem.candidates, chosen)
+    about = _models_of(problem)
+    mode = mode_in(problem.candidates, _selected(about, flips, kinds).effects)
     if mode is None:
-        return problem, about, rest
-    starts = starts_near(problem, about(()), mode)
+        return problem, about, (), set()
     rest = {each for each in modes_of(problem) if each != mode}
+    starts, others = starts_near(problem, about(()), mode), tuple[int, ...]()
     for _ in range(MODE_FITS):
         problem = fit_mode(problem, about(()), starts, mode, others)
         about = _models_of(problem, about(()))
-        chosen = chosen_by(about)
+        chosen = _selected(about, flips, kinds, (mode,), rest).effects
         starts, others = [problem.candidates[mode]], tuple(k for k in chosen if k != mode)
         if mode not in chosen or not others:
             break
-    return problem, about, rest
+    return problem, about, (mode,), rest
+
+
+def _selected(
+    about: Models,
+    flips: FloatArray,
+    kinds: Sequence[str],
+    begin: Sequence[int] = (),
+    banned: Collection[int] = (),
+) -> Selected:
+    """Return the causes, beside those to begin with that are not banned."""
+    return select(
+        lambda chosen: about(chosen).units,
+        flips,
+        NAMING,
+        banned,
+        kinds=kinds,
+        begin=[each for each in begin if each not in banned],
+    )
 
 
 def _models_of(problem: DiscoveryProblem, start: Linearised | None = None) -> Models:

@@ -126,6 +126,7 @@ def select(
     banned: Collection[int] = (),
     most: int = MOST_CAUSES,
     kinds: Sequence[str] | None = None,
+    begin: Sequence[int] = (),
 ) -> Selected:
     """Choose effects that are significant and predict units that did not set their size.
 
@@ -142,11 +143,13 @@ def select(
         Chosen at most.
     kinds : sequence of str or None
         Of each effect; of a kind no more than one is chosen. None: all are of their own.
+    begin : sequence of int
+        Chosen before; what others make needless of them goes, too.
     """
-    chosen: list[int] = []
+    chosen = list(begin)
     dropped = set(banned)
+    first = _significance(linearise([]), [], flips)
     units = linearise(chosen)
-    first = _significance(units, chosen, flips)
     while len(chosen) < most:
         taken = {kinds[effect] for effect in chosen} if kinds else set()
         closed = {k for k, kind in enumerate(kinds or ()) if kind in taken}
