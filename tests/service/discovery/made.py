@@ -257,18 +257,23 @@ def _stretches(
 
 
 def skins_with_mode(
-    rng: np.random.Generator, share: float, frequency_hz: float, quality: float
+    rng: np.random.Generator,
+    share: float,
+    frequency_hz: float,
+    quality: float,
+    more: Effects = (),
+    speeds_mm_s: tuple[float, ...] = (60.0,),
 ) -> DiscoveryProblem:
     """Return the problem of six people whose skins have a second mode, at seven tones."""
     design = Design(
         participants=6,
-        speeds_mm_s=(60.0,),
+        speeds_mm_s=speeds_mm_s,
         forces_n=(0.4,),
         tones_hz=(40.0, 80.0, 150.0, 300.0, 500.0, 750.0, 1900.0),
         tones_per_trial=1,
     )
     mode = {"share": share, "frequency_hz": frequency_hz, "quality": quality}
-    evidence = made(rng, [("second_mode", mode)], design, base=PAPER_SKIN)
+    evidence = made(rng, [("second_mode", mode), *more], design, base=PAPER_SKIN)
     problem = pose(evidence, facts(evidence), MOUNT, base_model("paper", "mobility")).problem
     assert problem is not None
     return problem

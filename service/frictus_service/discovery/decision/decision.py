@@ -24,7 +24,12 @@ from frictus_service.discovery.inference.linearisation import (
     linearise,
     misfit,
 )
-from frictus_service.discovery.inference.mode_fit import fit_mode, modes_of, starts_near
+from frictus_service.discovery.inference.mode_fit import (
+    fit_mode,
+    likeliest_beside,
+    modes_of,
+    starts_near,
+)
 from frictus_service.discovery.inference.mode_shape import mode_in
 from frictus_service.discovery.inference.selection import Selected, select
 from frictus_service.discovery.inference.significance import Significance
@@ -36,8 +41,8 @@ NAMING: Final = 0.05
 CLEARLY_BETTER: Final = 10.0
 """Sum of squares by which a cause must leave less than one that it replaces."""
 ATTEMPTS: Final = 4
-MODE_FITS: Final = 2
-"""Of a mode: alone, and beside other causes."""
+MODE_FITS: Final = 3
+"""Of a mode: beside the causes selected with it, and up to two more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,24 +142,27 @@ def _with_fitted_mode(
 ) -> tuple[DiscoveryProblem, Models, tuple[int, ...], set[int]]:
     """Return the problem with a significant mode fitted, its models, the mode, other modes.
 
-    First alone, from several starts: causes beside a mode in the wrong place may only stand in
-    for what it leaves. Then beside those that are significant beside the fitted one. Near the
-    first mode the base model bends mass and stiffness so far that the fitted one does not show
-    about it: it was seen already, and is judged about the model that has it.
+    The fit begins beside the causes that were selected with the mode. Some of them may only
+    stand in for what a mode in the wrong place leaves; all are selected anew beside it.
+    Then it goes on beside what makes the readings likelier. Near the first mode the base model
+    bends mass and stiffness so far that the fitted one does not show about it: it was seen
+    already, and is judged about the model that has it.
     """
     about = _models_of(problem)
-    mode = mode_in(problem.candidates, _selected(about, flips, kinds).effects)
+    first = _selected(about, flips, kinds).effects
+    mode = mode_in(problem.candidates, first)
     if mode is None:
         return problem, about, (), set()
     rest = {each for each in modes_of(problem) if each != mode}
-    starts, others = starts_near(problem, about(()), mode), tuple[int, ...]()
+    others = tuple(each for each in first if each != mode)
+    starts = starts_near(problem, about(others), mode)
     for _ in range(MODE_FITS):
         problem = fit_mode(problem, about(()), starts, mode, others)
         about = _models_of(problem, about(()))
-        chosen = _selected(about, flips, kinds, (mode,), rest).effects
-        starts, others = [problem.candidates[mode]], tuple(k for k in chosen if k != mode)
-        if mode not in chosen or not others:
+        more = likeliest_beside(problem, about(()), (mode, *others))
+        if more is None:
             break
+        starts, others = [problem.candidates[mode]], (*others, more)
     return problem, about, (mode,), rest
 
 

@@ -42,6 +42,9 @@ QUALITY_RATIOS: Final = (0.4, 1.0, 2.5)
 """Of the quality at which modes are tested: those with which the fit may begin."""
 CLIMBED: Final = 2
 """Of the starts, the likeliest."""
+LIKELIER: Final = 20.0
+"""Nats by which a cause must make the readings likelier to be fitted beside a mode; whether it
+is there is tested afterwards."""
 PRIOR_LOG_QUALITY: Final = 1.0
 """Standard deviation about the quality of the grid: a factor of e. One tone on a mode tells its
 share times its quality, and not both."""
@@ -136,19 +139,19 @@ def shape_of(problem: DiscoveryProblem, model: Linearised, mode: int) -> ShapeEs
     )
 
 
-def starts_near(problem: DiscoveryProblem, base: Linearised, mode: int) -> list[Candidate]:
-    """Return a mode of the grid and those that gain most about the base, of several qualities.
+def starts_near(problem: DiscoveryProblem, model: Linearised, mode: int) -> list[Candidate]:
+    """Return a mode of the grid and those that gain most, of several qualities.
 
     Parameters
     ----------
     problem : DiscoveryProblem
         Data, base model and candidates.
-    base : Linearised
-        Without the mode.
+    model : Linearised
+        Without the mode, about which modes gain.
     mode : int
         Candidate that is one of them in any case.
     """
-    gain = held_out_gain(project_out(base.units)).sum(axis=0)
+    gain = held_out_gain(project_out(model.units, model.chosen)).sum(axis=0)
     near = sorted(modes_of(problem), key=lambda k: (k != mode, -gain[k]))[:NEAREST]
     return [
         _inside(problem.candidates[k], np.array([0.0, np.log(ratio)]))
@@ -189,6 +192,42 @@ def fit_mode(
     begun.sort(key=lambda fit: -fit.likelihood)
     climbed = [_climb(fit, chosen) for fit in begun[:CLIMBED]]
     return max(climbed, key=lambda fit: fit.likelihood).problem
+
+
+def likeliest_beside(
+    problem: DiscoveryProblem, base: Linearised, chosen: Sequence[int]
+) -> int | None:
+    """Return the cause beside a mode without which its shape would make up for that cause.
+
+    A mode that was fitted alone takes a delay for a part of itself, and the scatter about it
+    hides the rest from every test; that the readings would be likelier with the delay, it
+    does not hide.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+        Data, base model and candidates.
+    base : Linearised
+        From whose parameters the fits begin.
+    chosen : sequence of int
+        The mode, and causes beside it.
+
+    Returns
+    -------
+    int or None
+        None where no cause makes the readings likelier by `LIKELIER`.
+    """
+    mode, *others = chosen
+    shape = problem.candidates[mode]
+    now = _fitted(problem, base, (mode, *others), shape)
+    there = {problem.candidates[k].effect for k in chosen}
+    found = {
+        k: _fitted(problem, now.model, (mode, *others, k), shape).likelihood
+        for k, each in enumerate(problem.candidates)
+        if each.effect not in there
+    }
+    best = max(found, key=lambda k: found[k], default=None)
+    return None if best is None or found[best] < now.likelihood + LIKELIER else best
 
 
 class _Fit(NamedTuple):

@@ -27,3 +27,27 @@ def test_a_mode_brings_no_other_cause(
     mode = dict(found.problem.candidates[named.candidate].held)
     assert mode["frequency_hz"] == pytest.approx(frequency_hz, rel=0.02)
     assert mode["quality"] == pytest.approx(quality, rel=0.1)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("channel_delay", {"delay_s": 2e-5}),
+        ("speed_dependent_stiffness", {"exponent": 0.25}),
+    ],
+)
+def test_a_mode_does_not_make_up_for_another_cause(
+    name: str, values: dict[str, float], rng: np.random.Generator
+) -> None:
+    """Fitted alone it did, and the scatter about it hid the delay of 20 microseconds."""
+    problem = skins_with_mode(rng, 0.6, 330.0, 3.0, [(name, values)], (20.0, 60.0, 100.0))
+    with threadpool_limits(limits=1):
+        found = decide(problem, signs(6, np.random.default_rng(0)))
+    named = {found.problem.candidates[each.candidate].effect: each for each in found.named}
+    assert set(named) == {"second_mode", name}
+    (size,) = values.values()
+    assert named[name].coefficients.mean() == pytest.approx(size, rel=0.05)
+    mode = dict(found.problem.candidates[named["second_mode"].candidate].held)
+    assert mode["frequency_hz"] == pytest.approx(330.0, rel=0.01)
