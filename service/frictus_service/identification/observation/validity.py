@@ -158,6 +158,9 @@ LINE_SHARE: Final = 0.05
 LOWEST_TONE_HZ: Final = 20.0
 """Of a tone that nobody declared: below it the drive follows the strokes."""
 
+PIECES: Final = 8
+"""Of a drive, spread over all of it, in which a tone must be to be one."""
+
 HANN_LINES: Final = 1.5
 """As many lines of the spectrum hold the power of one tone."""
 
@@ -351,15 +354,19 @@ def _drive(trial: Trial, study: StudyInfo) -> Iterator[str]:
 
 
 def _lasts(trial: Trial, study: StudyInfo, line_hz: float, amplitude: float) -> bool:
-    """Return whether a line is in each quarter of the drive, as a tone is.
+    """Return whether a line is in each of some pieces of the whole drive, as a tone is.
 
     A line of a texture is where the finger's speed puts it, for a part of each stroke.
     """
     assert trial.voltage_v is not None
-    drive = drive_fraction(np.nan_to_num(trial.voltage_v[:LONGEST]), study.screen_peak_v)
-    turning = np.exp(-2j * np.pi * line_hz * np.arange(drive.size) / trial.info.sample_rate_hz)
-    quarters = np.array_split((drive - drive.mean()) * turning, 4)
-    return bool(min(abs(quarter.mean()) for quarter in quarters) >= 0.25 * amplitude)
+    length = min(trial.voltage_v.size, LONGEST) // 4
+    turning = np.exp(-2j * np.pi * line_hz * np.arange(length) / trial.info.sample_rate_hz)
+    for begin in np.linspace(0, trial.voltage_v.size - length, PIECES).astype(np.int64):
+        volts = np.nan_to_num(trial.voltage_v[begin : begin + length])
+        drive = drive_fraction(volts, study.screen_peak_v)
+        if abs(np.mean((drive - drive.mean()) * turning)) < 0.25 * amplitude:
+            return False
+    return True
 
 
 def _listed(tones_hz: tuple[float, ...]) -> str:

@@ -191,7 +191,9 @@ def test_the_line_of_a_texture_is_no_tone_that_nobody_declared(good: Trial) -> N
     time = np.arange(good.force_n.shape[0]) / RATE_HZ
     undeclared = asked(good, tones_hz=())
     in_each_stroke = 0.5 + 0.4 * np.cos(2.0 * np.pi * 111.0 * time) * (np.sin(4.0 * time) > 0.8)
-    for drive in (in_each_stroke, 0.5 + 0.3 * np.sin(2.0 * np.pi * 1.2 * time)):
+    begins_steadily = 0.5 + 0.4 * np.cos(2.0 * np.pi * 111.0 * time) * (time < 0.6 * time[-1])
+    follows_strokes = 0.5 + 0.3 * np.sin(2.0 * np.pi * 1.2 * time)
+    for drive in (in_each_stroke, begins_steadily, follows_strokes):
         assert reasons(replace(undeclared, voltage_v=volts(drive))) == ""
 
 
