@@ -25,11 +25,11 @@ FACTS = re.compile(r"the page: (http://127\.0\.0\.1:\d+/#/live/demo)")
 
 
 @contextmanager
-def demo_page() -> Iterator[str]:
+def demo_page(seed: int) -> Iterator[str]:
     """Run the command, without a browser of its own; give the address that it says."""
     command = [sys.executable, "-c", "from frictus_service.cli import main; main()"]
     process = subprocess.Popen(
-        [*command, "demo", "--page"],
+        [*command, "demo", "--page", "--seed", str(seed)],
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"BROWSER": "frictus-no-such-browser"},
@@ -68,8 +68,10 @@ def assert_gauges_agree(page: Page) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
 @pytest.mark.usefixtures("interruptible")
-def test_the_page_shows_what_compensation_does_without_scrolling(open_page: OpenPage) -> None:
-    with demo_page() as url, open_page(viewport={"width": 1440, "height": 900}) as page:
+def test_the_page_shows_what_compensation_does_without_scrolling(
+    open_page: OpenPage, seed: int
+) -> None:
+    with demo_page(seed) as url, open_page(viewport={"width": 1440, "height": 900}) as page:
         page.goto(url)
         expect(page.locator("#connection")).to_have_text("Live")
         expect(page.locator("#state")).to_have_text("ARMED")
@@ -91,8 +93,10 @@ def test_the_page_shows_what_compensation_does_without_scrolling(open_page: Open
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.timeout(300)
-def test_what_is_hidden_next_door_is_found_from_the_stage(open_page: OpenPage) -> None:
-    with demo_page() as url, open_page(viewport={"width": 1440, "height": 900}) as page:
+def test_what_is_hidden_next_door_is_found_from_the_stage(
+    open_page: OpenPage, seed: int
+) -> None:
+    with demo_page(seed) as url, open_page(viewport={"width": 1440, "height": 900}) as page:
         page.goto(url)
         cards = page.locator("#first")
         expect(cards.get_by_role("heading")).to_have_text("And now?")
@@ -119,8 +123,8 @@ def test_what_is_hidden_next_door_is_found_from_the_stage(open_page: OpenPage) -
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.timeout(600)
-def test_the_finger_of_the_stage_can_be_calibrated(open_page: OpenPage) -> None:
-    with demo_page() as url, open_page() as page:
+def test_the_finger_of_the_stage_can_be_calibrated(open_page: OpenPage, seed: int) -> None:
+    with demo_page(seed) as url, open_page() as page:
         page.goto(url)
         expect(page.locator("#state")).to_have_text("ARMED")
         page.get_by_role("button", name="STOP").click()

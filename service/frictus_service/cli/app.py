@@ -55,7 +55,7 @@ def demo(
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option("--seed", min=0, help="Of the finger's way.  [default: a new one]"),
+        typer.Option("--seed", min=0, help="Of all that is drawn.  [default: a new one]"),
     ] = None,
     page: Annotated[
         bool, typer.Option("--page", help="Play it until Ctrl-C, and open the page on it.")
@@ -74,7 +74,7 @@ def demo(
     if page:
         from frictus_service.cli.demo_page import demo_page
 
-        demo_page()
+        demo_page(seed)
         return
     from frictus_service.cli.demo import demo as run
 

@@ -36,14 +36,21 @@ SAMPLE: Final = "laboratory_next_door.h5"
 _tell = said(as_json=False)
 
 
-def demo_page() -> None:
-    """Play a texture on a simulated rig, and open the page on it, until Ctrl-C."""
+def demo_page(seed: int | None) -> None:
+    """Play a texture on a simulated rig, and open the page on it, until Ctrl-C.
+
+    Parameters
+    ----------
+    seed : int or None
+        Of the rig and of the sample study; None draws one.
+    """
+    seed = secrets.randbits(32) if seed is None else seed
     with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
         finger = TakeoverStrokes(strokes=SteadyStrokes(speed_mm_s=SLOW_MM_S))
-        config = _config(Path(folder), finger)
+        config = _config(Path(folder), finger, seed)
         scene = scene_of(str(SHIPPED / f"{TEXTURE}.json"), config.textures, gain=GAIN)
         _tell("starting a router, a simulated rig and the API (the first time takes a minute)")
-        sample = threading.Timer(AFTER_S, _sample_study, (config,))
+        sample = threading.Timer(AFTER_S, _sample_study, (config, seed))
         show = partial(_show, config, sample)
         try:
             with contextlib.suppress(KeyboardInterrupt):
@@ -54,9 +61,8 @@ def demo_page() -> None:
                 sample.join()
 
 
-def _config(folder: Path, finger: TakeoverStrokes) -> Config:
+def _config(folder: Path, finger: TakeoverStrokes, seed: int) -> Config:
     """Return a rig that knows its participant, as after a calibration."""
-    seed = secrets.randbits(32)
     config = demo_config(folder, finger, free_port(), seed, PARTICIPANT)
     law = FirstOrderSpeedLaw(
         gain_n=PARTICIPANT.gain_n,
@@ -83,11 +89,11 @@ def _show(config: Config, sample: threading.Timer, url: str) -> None:
     sample.start()
 
 
-def _sample_study(config: Config) -> None:
+def _sample_study(config: Config, seed: int) -> None:
     from frictus_laboratory.reproduction.sample_study import write_sample_study
 
     config.studies.mkdir(parents=True, exist_ok=True)
-    write_sample_study(config.studies / SAMPLE, np.random.default_rng(secrets.randbits(32)))
+    write_sample_study(config.studies / SAMPLE, np.random.default_rng(seed))
     _tell(
         f"what does its model get wrong? a sample study is on the page, in Discovery: {SAMPLE}"
     )
