@@ -50,7 +50,7 @@ from frictus_service.discovery.report.figures import (
     residual_bins,
     rests_of,
 )
-from frictus_service.discovery.report.mode_parameters import with_shape
+from frictus_service.discovery.report.mode_parameters import with_mode_intervals
 
 POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""
@@ -258,7 +258,7 @@ class Assembly:
             found[name] = ParameterEstimate(value=held, ci95=None, unit=units[name])
         if candidate.effect == "second_mode":
             shape = shape_of(self._problem, self._found.extended, each.candidate)
-            return with_shape(found, candidate.parameter, shape)
+            return with_mode_intervals(found, candidate.parameter, shape)
         return found
 
     def _unexplained(self, each: UnexplainedPattern) -> Unexplained:

@@ -9,7 +9,7 @@ from frictus_service.discovery.inference.mode_fit import ShapeEstimate
 from frictus_service.discovery.inference.mode_shape import SHAPE
 
 
-def with_shape(
+def with_mode_intervals(
     found: Mapping[str, ParameterEstimate], dose: str, shape: ShapeEstimate
 ) -> dict[str, ParameterEstimate]:
     """Return the parameters of a mode with the intervals that its fit gives.
