@@ -158,10 +158,8 @@ class ProjectedUnits:
     def estimates(self) -> FloatArray:
         """Coefficient of each signature by itself, (n_units, n_effects); NaN where unknown."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: FloatArray = np.where(
-                self.information > 0.0, self.along / self.information, np.nan
-            )
-        return found
+            found: FloatArray = self.along / self.information
+        return np.where(self.information > 0.0, found, np.nan)
 
 
 def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedUnits:
@@ -211,11 +209,21 @@ def _leave(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
 def _projected(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
     """Return what is left of signatures, 0 where it is next to nothing, and of readings."""
     effects, readings = beside(unit, chosen)
-    whole = np.einsum("ij,ij->j", unit.effects, unit.effects)
-    silent = np.einsum("ij,ij->j", effects, effects) <= LEAST_SHARE * whole
+    silent = hardly_left(effects, unit.effects)
     silent[chosen] = True
     effects[:, silent] = 0.0
     return effects, readings
+
+
+def hardly_left(left: FloatArray, whole: FloatArray) -> BoolArray:
+    """Return of which signatures a projection left next to nothing, see `LEAST_SHARE`.
+
+    Parameters
+    ----------
+    left, whole : ndarray, shape (n, n_effects)
+    """
+    rest, before = np.square(left).sum(axis=0), np.square(whole).sum(axis=0)
+    return np.asarray(rest <= LEAST_SHARE * before)
 
 
 def beside(unit: Unit, chosen: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:

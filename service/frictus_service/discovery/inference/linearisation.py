@@ -13,6 +13,7 @@ from frictus_service.discovery.evidence.residuals import Compared, accuracy_of, 
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
 from frictus_service.discovery.inference.linear_model import (
     Unit,
+    hardly_left,
     joint,
     mean_of_known,
     orthonormal,
@@ -21,6 +22,7 @@ from frictus_service.discovery.problem.base_models import NUISANCE
 from frictus_service.discovery.problem.candidates import Pattern
 from frictus_service.discovery.problem.problem import (
     DiscoveryProblem,
+    UnwhitenedUnit,
     as_accurate,
 )
 
@@ -227,6 +229,7 @@ def units_about(
     for subject, (each, effects), whitening in zip(subjects, raw, whitenings, strict=True):
         generic = [reduce(subject.layout, pattern.of(subject)) for pattern in patterns]
         columns = np.array(generic).reshape(len(generic), each.readings.size).T
+        effects = _shown(effects, each)
         units.append(
             Unit(
                 whitening(each.readings),
@@ -240,6 +243,18 @@ def units_about(
             )
         )
     return tuple(units), tuple(whitenings)
+
+
+def _shown(effects: FloatArray, unit: UnwhitenedUnit) -> FloatArray:
+    """Return signatures, those empty that own parameters account for as measuring is accurate.
+
+    Whitened, a thousandth of a gain may stand out where contacts scatter and nothing else does:
+    at one depth of modulation compression is a gain, but for what noise does to the depth.
+    """
+    scale = 1.0 / unit.accuracy[:, np.newaxis]
+    basis, whole = orthonormal(unit.own * scale), effects * scale
+    hidden = hardly_left(whole - basis @ (basis.T @ whole), whole)
+    return np.where(hidden, 0.0, effects)
 
 
 def _eased(

@@ -102,3 +102,30 @@ def test_rounds_that_lead_astray_are_not_followed(rng: np.random.Generator) -> N
 
     drifted = linearise(here, (), whiten=drifting)
     np.testing.assert_allclose(drifted.own, settled.own, atol=0.05)
+
+
+def test_noise_of_the_drive_shows_no_compression(rng: np.random.Generator) -> None:
+    """At one depth of modulation it is a gain, and what noise does to both is none of it."""
+    evidence = [_of_noisy_drive(one, rng) for one in made(rng, design=Design(repeats=4))]
+    of_compression = NAMES.index("amplitude_compression")
+    seen = project_out(linearise(problem(evidence), ()).units)
+    assert np.all(seen.information[:, of_compression] > 0.0)
+    unseen = project_out(
+        linearise(problem([_without_third(one) for one in evidence]), ()).units
+    )
+    assert np.all(unseen.information[:, of_compression] == 0.0)
+
+
+def _of_noisy_drive(one: TrialEvidence, rng: np.random.Generator) -> TrialEvidence:
+    """Return what a trial says where the drive was measured two thousandths off."""
+    off = 1.0 + rng.normal(0.0, 2e-3, one.observed.rows.tone_hz.size)
+    rows = one.observed.rows
+    rows = replace(
+        rows, message=rows.message * off, friction_response=rows.friction_response / off
+    )
+    return replace(one, observed=replace(one.observed, rows=rows))
+
+
+def _without_third(one: TrialEvidence) -> TrialEvidence:
+    third = one.harmonics.third * np.nan
+    return replace(one, harmonics=replace(one.harmonics, third=third))
