@@ -114,6 +114,10 @@ def check_asked(asked: TrialInfo, info: StudyInfo) -> None:
     )
     for tone_hz in asked.tones_hz:
         tones.check("tone_hz", tone_hz)
+    each, times = np.unique(asked.tones_hz, return_counts=True)
+    if np.any(times > 1):
+        twice = each[times > 1][0]
+        raise FieldError("tone_hz", f"holds {twice:g} Hz more than once; accepted: each once")
     most = OVER_PEAK * 2.0 * info.screen_peak_v
     least = 1.0 if asked.tones_hz else 0.0
     drive = Range(

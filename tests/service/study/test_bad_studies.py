@@ -93,6 +93,7 @@ SEEN_AT_ONCE: dict[str, tuple[Edit, str, str]] = {
     "absurd rate": (_set("sample_rate_hz", 1e12), "sample_rate_hz", "absurd"),
     "tone above": (_set("tone_hz", 10_000.0), "tone_hz", "half of the sample rate"),
     "one tone above": (_set("tone_hz", [100.0, 2e4]), "tone_hz", "half of the sample rate"),
+    "one tone twice": (_set("tone_hz", [100.0, 250.0, 100.0]), "tone_hz", "more than once"),
     "tone in kHz": (_set("tone_hz", 0.25), "tone_hz", "looks like kHz"),
     "tone of NaN": (_set("tone_hz", [100.0, np.nan]), "tone_hz", "accepted"),
     "0 among tones": (_set("tone_hz", [0.0, 100.0]), "tone_hz", "blank trial"),
