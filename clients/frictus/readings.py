@@ -3,7 +3,7 @@
 import contextlib
 import threading
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 import zenoh
 
@@ -11,6 +11,7 @@ from frictus.calls import link_loss, require_present
 from frictus.errors import LinkError, OutdatedStateError, SilenceError
 from frictus.keys import RigKeys, Topic, Topics
 from frictus.lease import expect_state
+from frictus.mailbox import Arrival
 from frictus.messages import Message, ModelState, RecordingState, Reply, RigStatus, SceneState
 from frictus.reception import Declare, Declared, Latest, OnSample
 from frictus.session import declare_reader
@@ -100,6 +101,7 @@ class Readings:
         self._timeout_s = timeout_s
         self._opening = threading.Lock()
         self._latest: dict[str, Latest[Any]] = {}
+        self._presence: Latest[bool] | None = None
         self._held = Held()
 
     def value(self, topic: Topic, kind: type[M]) -> M:
@@ -115,7 +117,7 @@ class Readings:
         Raises
         ------
         NoRigError
-            If the rig is not present.
+            If the rig is not present, or is gone since: what it said last holds no more.
         OutdatedStateError
             If the rig is there, but has not published what it confirmed.
         LinkError
@@ -124,8 +126,11 @@ class Readings:
         """
         if not self._session.info.transports():
             raise LinkError(f"{topic.suffix} is not known: {link_loss(self._session)}")
+        latest = self.latest(topic, kind)
+        if self._presence is not None and self._presence.newest() is False:
+            require_present(self._session, self._keys)
         try:
-            return self.latest(topic, kind).value(self._timeout_s)
+            return latest.value(self._timeout_s)
         except OutdatedStateError as error:
             require_present(self._session, self._keys)
             where = f"{topic.suffix} of rig {self._keys.rig}"
@@ -148,11 +153,20 @@ class Readings:
             Its messages.
         """
         with self._opening:
+            if self._presence is None:
+                self._presence = self._held.keep(Latest(self._declare_presence, _is_there))
             if topic.suffix not in self._latest:
                 self._latest[topic.suffix] = self._held.keep(
                     Latest(self.declare(topic), lambda arrival: kind.from_json(arrival.payload))
                 )
             return self._latest[topic.suffix]
+
+    def _declare_presence(self, callback: OnSample) -> Declared:
+        liveliness = self._session.liveliness()
+        try:
+            return cast(Declared, liveliness.declare_subscriber(self._keys.alive, callback))
+        except zenoh.ZError as error:  # the client was closed
+            raise LinkError(f"rig {self._keys.rig} cannot be followed: {error}") from error
 
     def declare(self, topic: Topic) -> Declare:
         """Return what declares a subscriber of a topic for a given callback.
@@ -245,4 +259,9 @@ class Readings:
         """Stop receiving. Closing twice is harmless."""
         with self._opening:
             self._latest.clear()
+            self._presence = None
             self._held.close()
+
+
+def _is_there(arrival: Arrival) -> bool:
+    return not arrival.deleted

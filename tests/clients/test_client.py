@@ -207,6 +207,21 @@ def test_a_vanished_rig_is_a_no_rig_error(client: Client, fake: Any) -> None:
         rig.stop()
 
 
+def test_what_a_vanished_rig_said_last_holds_no_more(client: Client, fake: Any) -> None:
+    keys = RigKeys("lab", "brief")
+    with type(fake)(fake.router, keys):
+        rig = client.rig("brief")
+        assert rig.status().rig == "brief"
+    with pytest.raises(NoRigError, match="'brief'"):
+        deadline_s = time.monotonic() + WAIT_S
+        while time.monotonic() < deadline_s:  # its token falls a moment later
+            rig.status()
+    with type(fake)(fake.router, keys) as again:
+        with rig.watch(Topics.STATUS, timeout_s=WAIT_S) as feed:
+            next(feed)
+        assert rig.status().rig == again.keys.rig
+
+
 def test_the_lease_is_renewed_and_given_back(client: Client, fake: Any) -> None:
     rig = client.rig("sim")
     with rig.arm(lease_ms=200) as lease:
