@@ -239,7 +239,8 @@ STEPS: Final = {
 def study_info() -> StudyInfo:
     """Return what holds for every trial of a simulated study."""
     screen = Screen()
-    return StudyInfo(RIG, screen.carrier_hz, screen.peak_v, Mount().lateral)
+    mount = Mount().lateral
+    return StudyInfo(RIG, screen.carrier_hz, screen.peak_v, mount, extras={"simulated": 1})
 
 
 def simulate_trial(plan: TrialPlan) -> Trial:

@@ -150,6 +150,7 @@ class CalibrationRun:
                 "protocol": spec.protocol.kind,
                 "seed": spec.seed,
                 "software": f"frictus {version('frictus')}",
+                "simulated": int(status.simulated),
             },
         )
 

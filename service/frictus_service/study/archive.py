@@ -29,6 +29,7 @@ AGE: Final = re.compile(r"P\d{1,3}Y(/(P\d{1,3}Y)?)?", re.ASCII)
 """ISO 8601: years, or a range of them."""
 EVEN_S: Final = 1e-6
 """Positions whose steps differ by less have a rate instead of times."""
+SIMULATED: Final = "Simulated: no finger was measured."
 COLUMNS: Final = {
     "trial": "id of the trial in the study",
     "order": "position in the participant's sequence, from 0",
@@ -90,7 +91,11 @@ def write_session(
         f"{study.info.screen_peak_v:g} V at the screen.",
         keywords=["haptics", "electrovibration", "friction", "touch"],
         subject=Subject(
-            subject_id=label_of(info.participant), species="Homo sapiens", sex="U", age=age
+            subject_id=label_of(info.participant),
+            species=None if study.info.simulated else "Homo sapiens",
+            description=SIMULATED if study.info.simulated else None,
+            sex="U",
+            age=age,
         ),
     )
     for name, meaning in COLUMNS.items():
@@ -293,6 +298,7 @@ def data_card(
         f"electrovibration: a carrier of {info.carrier_hz:g} Hz, full drive "
         f"{info.screen_peak_v:g} V at the screen.",
         "",
+        *((SIMULATED, "") if info.simulated else ()),
         f"- Licence: {licence or 'none has been given; ask before you use the data'}",
         f"- Written by frictus {importlib.metadata.version('frictus')} from a study whose "
         f"sha256 is {study.sha256}",

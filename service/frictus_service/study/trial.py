@@ -40,6 +40,11 @@ class StudyInfo:
     mount_json: str | None = None
     extras: dict[str, str | int | float] = field(default_factory=dict)
 
+    @property
+    def simulated(self) -> bool:
+        """Whether no finger was measured: the rig said so, or who wrote the study."""
+        return bool(self.extras.get("simulated", 0))
+
 
 @dataclass(frozen=True, slots=True)
 class TrialInfo:

@@ -89,7 +89,7 @@ def test_trials_that_give_no_law_say_which_sensor_lies_otherwise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spec = CalibrationSpec(rig="rig", participant="p", seed=1)
-    status: Any = SimpleNamespace(screen_mm=(70.0, 35.0), screen_peak_v=75.0)
+    status: Any = SimpleNamespace(screen_mm=(70.0, 35.0), screen_peak_v=75.0, simulated=True)
     run = CalibrationRun(
         spec, CalibrationFolder.open(tmp_path / "it", spec), status, None, lambda _: None
     )

@@ -14,9 +14,14 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.errors import StudyError
-from frictus_service.study.archive import COLUMNS, export_archive, row_of_session
+from frictus_service.study.archive import (
+    COLUMNS,
+    SIMULATED,
+    export_archive,
+    row_of_session,
+)
 from frictus_service.study.reader import StudyReader
-from frictus_service.study.trial import Trial
+from frictus_service.study.trial import StudyInfo, Trial
 
 MakeTrial = Callable[..., Trial]
 WriteStudy = Callable[..., Path]
@@ -120,6 +125,18 @@ def test_the_card_tells_a_stranger_and_the_sums_hold(archive: Path) -> None:
     assert set(summed) == files - {"SHA256SUMS"}
     for name, digest in summed.items():
         assert hashlib.sha256((archive / name).read_bytes()).hexdigest() == digest
+
+
+def test_a_simulated_finger_is_nobody_s(
+    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path
+) -> None:
+    study = write_study(make_trial(), info=StudyInfo("twin", extras={"simulated": 1}))
+    with StudyReader(study) as opened:
+        export_archive(opened, tmp_path / "out")
+    assert SIMULATED in (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    with NWBHDF5IO(tmp_path / "out" / f"{SESSIONS[0]}.nwb", "r") as opened:
+        subject = opened.read().subject
+        assert (subject.species, subject.description) == (None, SIMULATED)
 
 
 def test_an_age_that_is_none_is_refused(
