@@ -88,6 +88,27 @@ class ArgumentError(FrictusError, ValueError):
     """An argument of a call is out of range; the text says which and what is accepted."""
 
 
+class UnreadableFileError(FrictusError, OSError):
+    """A file is none that can be read: a pipe, a device, or far too long."""
+
+    def __str__(self) -> str:
+        """Return file and reason without the number."""
+        return f"{self.filename}: {self.strerror}"
+
+
+def printable(text: str) -> str:
+    """Return a text as one can show it: control and formatting characters escaped.
+
+    Parameters
+    ----------
+    text : str
+        Of a file or a sender; a terminal would obey what it holds. Its lines stay.
+    """
+    return "".join(
+        each if each.isprintable() or each == "\n" else ascii(each)[1:-1] for each in text
+    )
+
+
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
 """What a sender wrote may be megabytes: it is shortened before it is written out."""
@@ -116,8 +137,8 @@ def explain(error: ValidationError) -> str:
     """
     complaints = []
     for detail in error.errors(include_url=False)[:3]:
-        where = ".".join(str(part) for part in detail["loc"])
-        message = complaint(detail)
+        where = printable(".".join(str(part) for part in detail["loc"]))
+        message = printable(complaint(detail))
         if detail["type"] != "missing":  # its input is all that surrounds it
             message += f" (got {_SHORT.repr(detail['input'])})"
         complaints.append(f"{where or 'document'}: {message}")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from frictus.effect_files import EFFECT_SUFFIXES, render_effect
-from frictus.errors import TextureError, explain
+from frictus.errors import TextureError, explain, printable
 from frictus.hatt import import_node
 from frictus.sample_files import read_bytes, read_csv, read_text, read_wav, require
 from frictus.textures import (
@@ -184,7 +184,7 @@ def import_texture(
     except TextureError as error:
         named = str(error).startswith(path.name)
         raise error if named else TextureError(f"{path.name}: {error}") from error
-    return ImportedTexture(profile, (*notes, *lost))
+    return ImportedTexture(profile, tuple(map(printable, (*notes, *lost))))
 
 
 def _node_of(

@@ -9,7 +9,8 @@ from typing import BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus.errors import TextureError
+from frictus.errors import TextureError, UnreadableFileError
+from frictus.files import read_bounded, require_file
 from frictus.textures import MAX_PROFILE_SAMPLES
 
 FloatArray = NDArray[np.float64]
@@ -43,6 +44,7 @@ def read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
     TextureError
         If the file is none, has no such channel, too many samples or fewer than it declares.
     """
+    require_file(path)
     with path.open("rb") as file:
         head = file.read(12)
         require(
@@ -196,11 +198,12 @@ def read_bytes(path: Path) -> bytes:
     Raises
     ------
     TextureError
-        If it is longer.
+        If it is longer, a pipe or a device.
     """
-    size = path.stat().st_size
-    require(size <= MAX_TEXT_BYTES, f"{path.name}: {size} bytes; at most {MAX_TEXT_BYTES}")
-    return path.read_bytes()
+    try:
+        return read_bounded(path, MAX_TEXT_BYTES)
+    except UnreadableFileError as error:
+        raise TextureError(f"{path.name}: {error.strerror}") from error
 
 
 def read_text(path: Path) -> str:

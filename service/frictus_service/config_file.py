@@ -3,13 +3,13 @@
 import difflib
 import json
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from frictus.errors import complaint
+from frictus.files import MAX_TOML_BYTES, read_bounded, read_toml
 from frictus_service.config import DEFAULT_FILE, Config, Place
 from frictus_service.errors import ConfigurationError
 
@@ -42,7 +42,8 @@ def load(path: Path | None = None, *, runs_rig: bool = False) -> Config:
             return Config()
         path = DEFAULT_FILE
     try:
-        text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark before it
+        # Editors on Windows put a mark before it.
+        text = read_bounded(path, MAX_TOML_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigurationError(f"{path}: cannot be read: {reason}") from error
@@ -58,7 +59,7 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
         As `load`.
     """
     try:
-        document = tomllib.loads(text)
+        document = read_toml(text.encode())
         as_json = json.dumps(document, default=str)
     except RecursionError as error:
         message = "lists or tables within each other, deeper than any setting has them"

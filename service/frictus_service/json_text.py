@@ -17,6 +17,8 @@ from typing import Any, Final
 from pydantic import BaseModel
 from pydantic_core import from_json
 
+from frictus.files import read_bounded
+
 
 def etag_of(message: BaseModel) -> str:
     """Return a short hash of what a message says, whatever the order of its keys."""
@@ -39,9 +41,19 @@ def without_mark(text: bytes) -> bytes:
     return text.removeprefix(codecs.BOM_UTF8)
 
 
+MAX_FILE_BYTES: Final = 50_000_000
+"""Of a model, a design or a discovery's report, which has some MB."""
+
+
 def read_file(path: Path) -> bytes:
-    """Return the JSON text of a file that people may have edited."""
-    return without_mark(path.read_bytes())
+    """Return the JSON text of a file that people may have edited.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read; of which `UnreadableFileError` where it is too long or no file.
+    """
+    return without_mark(read_bounded(path, MAX_FILE_BYTES))
 
 
 SLICE_CHARACTERS: Final = 16_384

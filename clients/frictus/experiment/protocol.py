@@ -1,7 +1,5 @@
 """What an experiment is: a document that a TOML file holds and every log begins with."""
 
-import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
@@ -19,15 +17,12 @@ from frictus.experiment.procedures.plans import (
 )
 from frictus.experiment.stimuli import Amplitude, Difference, Pairs, Stimulus
 from frictus.experiment.tasks import Adjustment, Magnitude, SameDifferent, Task, guess_rate
+from frictus.files import MAX_TOML_BYTES, read_bounded, read_toml
 from frictus.textures import Texture
 
-MAX_TOML_BYTES: Final = 10_000_000
 MAX_CANDIDATES: Final = 200_000
 MAX_TABLE: Final = 10_000_000
 """Levels times candidates of QUEST+ times conditions; of each, 32 bytes are held."""
-_LONG_KEY: Final = re.compile(
-    rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}"""
-)
 
 
 class _Part(BaseModel):
@@ -196,14 +191,12 @@ def parse_protocol(toml: bytes, source: str) -> Protocol:
     ArgumentError
         If it is no protocol; the text says where.
     """
-    if _LONG_KEY.search(toml):  # it would be read for minutes
-        raise ArgumentError(f"{source}: a key of more than 20 parts; no protocol has one")
     try:
         # Textures pass over what they do not know; here that would be another stimulus.
-        return Protocol.model_validate(tomllib.loads(toml.decode("utf-8-sig")), extra="forbid")
+        return Protocol.model_validate(read_toml(toml), extra="forbid")
     except ValidationError as error:
         raise ArgumentError(f"{source}: {explain(error)}") from error
-    except (ValueError, RecursionError) as error:  # integers of 4300 digits: no TOMLDecodeError
+    except ValueError as error:  # integers of 4300 digits: no TOMLDecodeError
         raise ArgumentError(f"{source} is not TOML: {error}") from error
 
 
@@ -225,10 +218,8 @@ def load_protocol(source: str | Path) -> Protocol:
     path, ready = Path(source), ready_protocols()
     if not path.is_file():
         if str(source) not in ready:
-            raise FileNotFoundError(
-                f"there is no file {str(source)!r}; ready protocols: {', '.join(ready)}"
-            )
+            named = repr(str(source))
+            found = f"{named} is no file" if path.exists() else f"there is no file {named}"
+            raise FileNotFoundError(f"{found}; ready protocols: {', '.join(ready)}")
         path = ready[str(source)]
-    if path.stat().st_size > MAX_TOML_BYTES:
-        raise ArgumentError(f"{path.name}: more than {MAX_TOML_BYTES} bytes")
-    return parse_protocol(path.read_bytes(), path.name)
+    return parse_protocol(read_bounded(path, MAX_TOML_BYTES), path.name)

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from frictus.errors import ArgumentError
+from frictus.files import read_bounded, require_file
 
 FORMAT: Final = "frictus-experiment/1"
 MAX_LOG_BYTES: Final = 200_000_000
@@ -36,9 +37,7 @@ def read_log(path: Path) -> tuple[list[dict[str, Any]], int]:
     FileNotFoundError
         If there is no such file.
     """
-    if path.stat().st_size > MAX_LOG_BYTES:
-        raise ArgumentError(f"{path}: more than {MAX_LOG_BYTES} bytes; no log of ours")
-    content = path.read_bytes()
+    content = read_bounded(path, MAX_LOG_BYTES)
     whole_bytes = content.rfind(b"\n") + 1
     lines = content[:whole_bytes].split(b"\n")[:-1]
     if len(lines) > MAX_ROWS:
@@ -77,6 +76,8 @@ class TrialLog:
     """
 
     def __init__(self, path: Path) -> None:
+        if path.exists():
+            require_file(path)
         self._file = path.open("ab", buffering=0)  # creates it
         try:
             self.rows, whole_bytes = read_log(path)

@@ -259,6 +259,8 @@ def read_tape(path: Path) -> Tape:
             f"backend.file {path}: a folder; accepted: a file of {SCHEMA}; `frictus export "
             "RECORDING --to replay` makes one"
         )
+    if path.exists() and not path.is_file():
+        raise ConfigError(f"backend.file {path}: a pipe or a device; accepted: a file")
     try:
         with path.open("rb") as file:
             _refuse_spoilt(file)

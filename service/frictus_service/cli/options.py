@@ -1,5 +1,6 @@
 """Options that several commands share, how a command answers, and how it ends."""
 
+import errno
 import getpass
 import json
 import sys
@@ -82,7 +83,8 @@ def code_of(error: Exception) -> Exit:
         StudyError,
     )
     files = (FileNotFoundError, IsADirectoryError, NotWrittenError)
-    if isinstance(error, (*ours, *files)):
+    loops = isinstance(error, OSError) and error.errno == errno.ELOOP
+    if loops or isinstance(error, (*ours, *files)):
         return Exit.USAGE  # what is left of the client's errors is about what it was given
     return Exit.UNEXPECTED
 
@@ -96,6 +98,8 @@ def sentence_of(error: Exception) -> str:
         return f"there is no file or folder {error.filename}"
     if isinstance(error, IsADirectoryError) and error.filename is not None:
         return f"{error.filename} is a folder; give a file"
+    if isinstance(error, OSError) and error.errno == errno.ELOOP:
+        return f"{error.filename}: a symbolic link that leads to itself"
     if isinstance(error, RefusedError) and error.code == "tripped":
         return f"{error} {HOW_TO_RESET}"
     if isinstance(error, FrictusError | ServiceError | OSError):
@@ -128,9 +132,11 @@ class CommandGroup(TyperGroup):
         except BrokenPipeError:
             raise  # whoever read our output has enough; typer ends quietly
         except Exception as error:
+            from frictus.errors import printable
+
             if type(error).__module__.startswith("typer") or ctx.params.get("debug"):
                 raise
-            sys.stderr.write(f"frictus: {sentence_of(error)}\n")
+            sys.stderr.write(f"frictus: {printable(sentence_of(error))}\n")
             raise typer.Exit(code_of(error)) from error
 
 

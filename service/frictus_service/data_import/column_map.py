@@ -4,12 +4,12 @@ Saved beside the file as `FILE.map.toml`, and read from there. Strict: a person 
 """
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from frictus.files import read_bounded, read_toml
 from frictus_service.data_import.channels import BY_NAME, DRIVES, UNITS, find_unit, units_of
 from frictus_service.durable import replace_file
 from frictus_service.errors import FieldError, StudyError
@@ -152,12 +152,15 @@ def load_map(path: Path) -> ColumnMap:
     FileNotFoundError
     StudyError
         If it is no column map; the text names the entry.
+    UnreadableFileError
+        If it is longer than any, a pipe or a device.
     """
     if path.stat().st_size > MAX_BYTES:
         raise StudyError(f"{path} is larger than a column map can be")
+    content = read_bounded(path, MAX_BYTES)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        parsed = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        as_json = path.suffix == ".json"
+        parsed = json.loads(content.decode("utf-8-sig")) if as_json else read_toml(content)
     except (ValueError, RecursionError) as error:
         raise StudyError(f"{path} is no TOML ({error}); JSON is called .json") from error
     return parse_map(parsed, str(path))

@@ -84,7 +84,9 @@ def _variables(path: Path) -> dict[str, Any]:
 
         read: dict[str, Any] = loadmat(path)
         return read
-    except (ValueError, IndexError, NotImplementedError) as error:
+    except OSError:
+        raise
+    except Exception as error:  # parsers raise whatever a damaged file leads them to
         raise ImpactRecordingError(f"{path} cannot be read ({error}); {ACCEPTED}") from error
 
 

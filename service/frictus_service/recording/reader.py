@@ -17,6 +17,7 @@ from mcap.records import Message as Stored
 from pydantic import ValidationError
 
 from frictus.errors import FrameError
+from frictus.files import require_file
 from frictus.keys import STREAMS
 from frictus.messages import MESSAGES, Message, RigStatus
 from frictus_service.errors import RecordingError, TornError
@@ -123,6 +124,7 @@ class RecordingReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.attachments: dict[str, bytes] = {}
+        require_file(path)
         self._size = path.stat().st_size
         self._file = path.open("rb")
         self._ending: Ending | None = None

@@ -12,6 +12,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
+from frictus.files import read_bounded
 from frictus_service.errors import (
     CertificateFileError,
     MemberNameError,
@@ -23,6 +24,7 @@ from frictus_service.security.members import Member
 AUTHORITY: Final = "ca"
 CERTIFICATE: Final = ".pem"
 KEY: Final = ".key"
+MAX_BYTES: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +184,7 @@ def members_in(folder: Path) -> list[Member]:
 
 def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bounded(path, MAX_BYTES)
     except OSError as error:
         raise CertificateFileError(f"{path}: cannot be read: {error.strerror}") from error
 

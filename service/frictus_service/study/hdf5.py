@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus.files import require_file
 from frictus_service.errors import FieldError, StudyError
 
 MAX_WHOLE: Final = 2.0**53
@@ -203,6 +204,7 @@ def open_file(path: Path) -> h5py.File:
     """
     if path.is_dir():
         raise StudyError(f"{path} is a folder of no known layout; accepted: an HDF5 file")
+    require_file(path)
     with path.open("rb"):
         pass  # the system's own error if it is not there or may not be read
     if not h5py.is_hdf5(path):

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from frictus.files import read_bounded
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_service.errors import FieldError
@@ -154,6 +155,7 @@ ACCEPTED = (
     "highest power first, rad/s; leave the attribute away where there is no mount"
 )
 GAIN_AT_REST = (0.1, 10.0)
+MAX_MOUNT_BYTES = 1_000_000
 
 
 def read_mount(named: str | Path) -> TransferFunction | None:
@@ -173,7 +175,11 @@ def read_mount(named: str | Path) -> TransferFunction | None:
     """
     if named in ("paper", "none"):
         return Mount().lateral if named == "paper" else None
-    return parse_mount(Path(named).read_text(encoding="utf-8"))
+    content = read_bounded(Path(named), MAX_MOUNT_BYTES)
+    try:
+        return parse_mount(content.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise FieldError("mount", f"{named} is no text in UTF-8; {ACCEPTED}") from error
 
 
 def parse_mount(document: str) -> TransferFunction | None:

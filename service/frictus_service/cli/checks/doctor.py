@@ -135,8 +135,10 @@ def _write(check: "DoctorCheck", as_json: bool) -> None:
     from rich.console import Console
     from rich.text import Text
 
+    from frictus.errors import printable
+
     verdict = (f"{check.verdict:4s} ", f"bold {COLOUR[check.verdict]}")
-    line = Text.assemble(verdict, f"{check.name}: {check.found}")
+    line = Text.assemble(verdict, printable(f"{check.name}: {check.found}"))
     if check.to_do:
         line.append(f"\n     {check.to_do}", style="italic")
     Console().print(line, soft_wrap=True)

@@ -230,7 +230,8 @@ def scene_of(
         try:
             entry = TextureLibrary(library).get(texture)
         except TextureNameError as error:
-            raise FileNotFoundError(f"there is no file {texture!r}") from error
+            missing = "not a file:" if path.exists() else "there is no file"
+            raise FileNotFoundError(f"{missing} {texture!r}") from error
         if (speed_mm_s, sample_rate_hz, scale_n, part_s, node) != (None,) * 5:
             raise TextureError("--speed, --rate, --scale, --part and --node are for files")
         scene = frictus.Scene(name=texture, regions=[frictus.Region(texture=entry.texture)])
@@ -262,10 +263,15 @@ def _pair_of(text: str | None, option: str, accepted: str) -> tuple[float, float
 
 def _scene_in(path: Path) -> "frictus.Scene | None":
     """Return the scene of a JSON file; None if the file holds something else."""
+    from frictus.errors import TextureError
+    from frictus.sample_files import read_bytes
+
     if path.suffix.lower() != ".json":
         return None
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(read_bytes(path))
+    except TextureError:
+        raise  # too long
     except (ValueError, RecursionError):
         return None  # whoever reads it as a texture says what is wrong
     if not isinstance(document, dict) or "regions" not in document:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from frictus.files import require_file
 from frictus_service.data_import.formats import arrays, signals, tables
 from frictus_service.data_import.formats.columns import Columns
 from frictus_service.errors import StudyError
@@ -50,6 +51,7 @@ def read_columns(path: Path) -> Columns:
 def _reader(path: Path) -> Callable[[Path], Columns]:
     if path.is_dir():
         raise StudyError(f"{path} is a folder; give its files")
+    require_file(path)
     with path.open("rb") as stream:
         head = stream.read(520)
     for signature, reader in _SIGNATURES.items():

@@ -1,0 +1,82 @@
+"""Files that anybody may have named: read whole, bounded, and never from what has no end."""
+
+import errno
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+from frictus.errors import UnreadableFileError
+
+MAX_TOML_BYTES: Final = 10_000_000
+_LONG_KEY: Final = re.compile(
+    rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}"""
+)
+
+
+def require_file(path: Path) -> None:
+    """Raise if a path stands for a pipe or a device, whose end nobody knows.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file; a folder passes, and is refused by whoever opens it.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it is a pipe, a socket or a device.
+    OSError
+        If it is not there or cannot be reached.
+    """
+    path.stat()
+    if not (path.is_file() or path.is_dir()):
+        raise UnreadableFileError(
+            errno.EINVAL, "a pipe or a device; save what it gives, and name that file", path
+        )
+
+
+def read_bounded(path: Path, most_bytes: int) -> bytes:
+    """Return the content of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    most_bytes : int
+        That are read of it.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it is longer, or `require_file` raises it.
+    OSError
+        If it cannot be read.
+    """
+    require_file(path)
+    with path.open("rb") as file:
+        content = file.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise UnreadableFileError(errno.EFBIG, f"more than {most_bytes} bytes", path)
+    return content
+
+
+def read_toml(content: bytes) -> dict[str, Any]:
+    """Return what a TOML document holds.
+
+    Parameters
+    ----------
+    content : bytes
+        In UTF-8; editors on Windows put a mark before it.
+
+    Raises
+    ------
+    ValueError
+        If it is no TOML; the text says where.
+    """
+    if _LONG_KEY.search(content):  # it would be read for minutes
+        raise ValueError("a key of more than 20 parts")
+    try:
+        return tomllib.loads(content.decode("utf-8-sig"))
+    except RecursionError as error:
+        raise ValueError("lists or tables within each other, too deep") from error
