@@ -174,7 +174,7 @@ def import_texture(
     try:
         notes: tuple[str, ...] = ()
         if suffix == ".csv":
-            samples, rate_hz = read_csv(path, sample_rate_hz)
+            samples, rate_hz = read_csv(path, sample_rate_hz, scale_n is not None)
         else:
             samples, rate_hz, notes = _read_rated(path, suffix, channel)
             if sample_rate_hz is not None and sample_rate_hz != rate_hz:

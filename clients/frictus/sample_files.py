@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import struct
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -23,6 +24,9 @@ ACCEPTED_BITS: Final = {PCM: (8, 16, 24, 32), FLOAT: (32, 64)}
 MAX_TEXT_BYTES: Final = 10_000_000
 MAX_CSV_COLUMNS: Final = 100
 """Looked at; a header may have more than the samples."""
+UNIT: Final = re.compile(r"[\[(]([^\])]*)[\])]\s*\"?$")
+"""Of a column, behind its name."""
+SECONDS: Final = ("s", "sec", "seconds")
 EVEN_SHARE: Final = 0.01  # times may stray from an even grid by this share of a step
 
 
@@ -105,7 +109,9 @@ def _wav_format(file: BinaryIO, path: Path) -> tuple[bytes, int]:
     raise TextureError(f"{path.name} is not a WAV file with samples: there is no chunk 'data'")
 
 
-def read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, float]:
+def read_csv(
+    path: Path, sample_rate_hz: float | None, scaled: bool = True
+) -> tuple[FloatArray, float]:
     """Return the samples of a CSV file and their rate in Hz.
 
     Parameters
@@ -114,6 +120,8 @@ def read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, floa
         One column of samples, or two: time in s and sample.
     sample_rate_hz : float or None
         Rate of a single column.
+    scaled : bool
+        Whether whoever reads it says what a number of it is in newtons.
 
     Raises
     ------
@@ -139,8 +147,10 @@ def read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, floa
         except ValueError:
             require(
                 first_line,
-                f"{path.name}, line {number}: {line[:60]!r} is not numbers",
+                f"{path.name}, line {number}: {line[:60]!r} is not numbers; accepted: one line "
+                "of names, then numbers with a decimal point, a comma or semicolon between two",
             )
+            _check_units(cells, path.name, scaled)
             row = []
         first_line = False
         if not row:
@@ -172,9 +182,27 @@ def read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, floa
     return table[:, 0], sample_rate_hz
 
 
+def _check_units(names: list[str], file: str, scaled: bool) -> None:
+    """Refuse a line of names that says another unit than the numbers are taken to have."""
+    units = [found[1].strip() if (found := UNIT.search(name)) else "" for name in names]
+    if len(names) == 2:
+        require(
+            units[0] in ("", *SECONDS),
+            f"{file}: its times are in {units[0][:20]!r}; only s are accepted: convert them",
+        )
+    require(
+        scaled or units[-1] in ("", "N"),
+        f"{file}: its samples are in {units[-1][:20]!r}: give scale_n, the N of one of them",
+    )
+
+
 def _rate_of(time_s: FloatArray, name: str) -> float:
     step_s = (time_s[-1] - time_s[0]) / (time_s.size - 1)
-    require(step_s > 0.0, f"{name}: the times in its first column do not rise")
+    require(
+        step_s > 0.0,
+        f"{name}: the times in its first column do not rise; where the comma is a decimal one, "
+        "write points",
+    )
     even = time_s[0] + step_s * np.arange(time_s.size)
     stray = np.abs(time_s - even)
     # Printed times are rounded; a grid is even if no time strays by a visible part of a step.

@@ -334,3 +334,29 @@ def test_an_effect_that_no_texture_can_hold_says_what_to_give(tmp_path: Path) ->
     path.write_text(haptic([(0.0, 0.0), (1.0, 0.0)]), encoding="utf-8")
     with pytest.raises(TextureError, match="the effect is silent"):
         load_texture(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("time [ms],F [N]\n0,0.1\n1,0.2\n2,0.1\n", "its times are in 'ms'"),
+        ("t (us);F\n0;0.1\n1;0.2\n2;0.1\n", "its times are in 'us'"),
+        ("time [s],F [mN]\n0,0.1\n1,0.2\n2,0.1\n", "its samples are in 'mN': give scale_n"),
+        ("time;F\n0,000;0,1\n0,001;0,2\n", "line 2.*decimal point"),
+        ("time;F\ns;N\n0;0.1\n1;0.2\n", "line 2.*one line of names"),
+        ("0,1\n0,2\n0,1\n", "decimal one, write points"),
+    ],
+)
+def test_a_csv_says_in_which_units_it_is(text: str, told: str, tmp_path: Path) -> None:
+    file = tmp_path / "swipe.csv"
+    file.write_text(text)
+    with pytest.raises(TextureError, match=told):
+        load_texture(file, speed_mm_s=40.0)
+
+
+def test_a_csv_of_another_force_is_read_with_its_scale(tmp_path: Path) -> None:
+    file = tmp_path / "swipe.csv"
+    file.write_text("time [s],F [mN]\n0,10\n1,30\n2,10\n3,30\n")
+    found = load_texture(file, speed_mm_s=40.0, scale_n=0.001)
+    assert isinstance(found, Profile)
+    assert found.friction_n == pytest.approx([-0.01, 0.01, -0.01, 0.01])

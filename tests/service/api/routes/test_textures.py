@@ -300,3 +300,13 @@ def test_a_disk_that_takes_nothing_is_said(
     assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
     assert "No space left" in answer.json()["detail"]
     assert api.get("/v1/textures/sine").status_code == 404
+
+
+def test_a_table_in_mn_needs_its_scale(api: TestClient) -> None:
+    table = "time [s],F [mN]\n0,10\n0.001,30\n0.002,10\n0.003,30\n"
+    headers = NEW | {"Content-Type": "text/csv"}
+    path = "/v1/textures/swipe?recording_speed_mm_s=40"
+    told = api.put(path, content=table, headers=headers)
+    assert told.status_code == 422
+    assert "'mN': give scale_n" in told.json()["detail"]
+    assert api.put(f"{path}&scale_n=0.001", content=table, headers=headers).status_code == 201
