@@ -34,6 +34,7 @@ from frictus_service.api.problems import (
     ApiError,
     BusyError,
     CrossOriginError,
+    HttpError,
     TooOftenError,
     WrongHostError,
 )
@@ -239,6 +240,23 @@ class PatientProtocol(H11Protocol):
         """Go on with the next request, whose head is due from now."""
         super().on_response_complete()
         self._await_head()
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is not HTTP as every other error is told, and end."""
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            refusal = HttpError(f"{msg} HTTP/1.1 is accepted, with one Host header").response(
+                ""
+            )
+            head = [*refusal.raw_headers, (b"connection", b"close")]
+            for event in (
+                h11.Response(
+                    status_code=refusal.status_code, headers=head, reason=b"Bad Request"
+                ),
+                h11.Data(data=bytes(refusal.body)),
+                h11.EndOfMessage(),
+            ):
+                self.transport.write(self.conn.send(event))
+        self.transport.close()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Hand the connection over; the WebSocket has deadlines of its own."""

@@ -112,8 +112,13 @@ def require_media(request: Request, *accepted: str) -> str:
     Raises
     ------
     UnsupportedMediaError
-        If it is none of `accepted`.
+        If it is none of `accepted`, or the body is packed.
     """
+    if (coding := request.headers.get("content-encoding", "identity").lower()) != "identity":
+        raise UnsupportedMediaError(
+            f"Content-Encoding {coding[:40]}: send the body as it is, not packed",
+            headers={"Accept-Encoding": "identity"},
+        )
     if (given := media_type(request)) not in accepted:
         raise UnsupportedMediaError(
             f"Content-Type {given or 'missing'}: send {' or '.join(accepted)}",

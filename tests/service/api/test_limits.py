@@ -420,3 +420,30 @@ def test_one_connection_is_read_at_its_pace() -> None:
     now_s += 1_000.0
     assert pace.wait_s(20.0) == 0.0  # no more than a burst is saved up
     assert pace.wait_s(1.0) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"GET /v1/rigs HTTP/1.1\r\n\r\n",  # no host
+        b"GET /v1/rigs HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: 127.0.0.1\r\n\r\n",
+        b"GET /v1/rigs\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\r\n\r\n",  # TLS
+        b"PUT /v1/textures/x HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: -1\r\n\r\n",
+    ],
+)
+def test_what_is_not_http_is_refused_as_all_else_is(port: int, sent: bytes) -> None:
+    with connected(port, sent) as opened:
+        head, _, body = all_of(opened).partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 400 ")
+    assert b"application/problem+json" in head
+    assert json.loads(body)["code"] == "bad_http"
+
+
+@pytest.mark.parametrize("coding", ["gzip", "deflate", "br"])
+def test_a_packed_body_is_refused_for_being_packed(api: TestClient, coding: str) -> None:
+    headers = {"Content-Encoding": coding, "Content-Type": "application/json", "If-Match": "*"}
+    told = api.put("/v1/textures/packed", content=b"\x1f\x8b", headers=headers)
+    assert told.status_code == 415
+    assert told.headers["accept-encoding"] == "identity"
+    assert f"Content-Encoding {coding}" in told.json()["detail"]
