@@ -256,6 +256,7 @@ def activate(
                 f"down, so activate it again later: {error}"
             ) from error
     as_published = confirmed == version.etag
+    remarks = "; ".join(filter(None, (remarks, version.remark_on(rig))))
     if wants_lines(as_json):
         write_line(
             event="activated",

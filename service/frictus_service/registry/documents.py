@@ -175,6 +175,15 @@ class VersionSummary(_Document):
         """``NAME@VERSION``."""
         return f"{self.name}@{self.version}"
 
+    def remark_on(self, rig: str) -> str:
+        """Return what to say of its use on a rig; empty where it was measured there."""
+        if self.rig in (None, rig):
+            return ""
+        return (
+            f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
+            "otherwise; calibrate here, or see that both are alike"
+        )
+
 
 class Published(VersionSummary):
     """A published version; it never changes."""

@@ -35,7 +35,12 @@ class Activated(Activation):
     as_published: Annotated[
         bool, Field(description="Whether what the rig applies is what was published")
     ]
-    message: Annotated[str, Field(description="What the rig has to say of it, or empty")]
+    message: Annotated[
+        str,
+        Field(
+            description="What the rig has to say of it, and whether it is another rig's model"
+        ),
+    ]
 
 
 @router.post(
@@ -80,5 +85,5 @@ def activate(
     return Activated(
         **activation.model_dump(),
         as_published=etag == version.etag,
-        message=remarks,
+        message="; ".join(filter(None, (remarks, version.remark_on(rig)))),
     )

@@ -191,6 +191,7 @@ def test_a_rig_confirms_what_it_applied(api: TestClient, rig: Any) -> None:
         "etag"
     ].strip('"')
     assert said.json()["as_published"] is False  # this rig names models as it likes
+    assert f"measured on rig 'rig1', not on {rig.name!r}" in said.json()["message"]
     late = api.post(path, json={"model": NAME}, headers={"If-Match": '"m0"'})
     assert late.status_code == 412
     now = api.get(f"/v1/rigs/{rig.name}/model").headers["etag"]
