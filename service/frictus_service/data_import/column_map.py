@@ -100,6 +100,9 @@ class ColumnMap(_Strict):
 
     @model_validator(mode="after")
     def _fits(self) -> "ColumnMap":
+        for entry, text in (("participant", self.participant), ("rig", self.rig)):
+            if not text.isprintable():
+                raise ValueError(f"{entry} has control or formatting characters: {text!a}")
         for name, mapped in self.channels.items():
             _check_channel(name, mapped)
         skin = "skin_velocity" in self.channels

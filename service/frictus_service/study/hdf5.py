@@ -63,6 +63,21 @@ def text(attributes: Mapping[str, Any], name: str) -> str:
     return value
 
 
+def shown(attributes: Mapping[str, Any], name: str) -> str:
+    """Return an attribute that is a text of one line, without what a terminal would obey.
+
+    Raises
+    ------
+    FieldError
+    """
+    value = text(attributes, name)
+    if not value.isprintable():
+        raise FieldError(
+            name, f"is {value!a}; accepted: text without control or formatting characters"
+        )
+    return value
+
+
 def number(attributes: Mapping[str, Any], name: str, default: float | None = None) -> float:
     """Return an attribute that is one finite number.
 

@@ -12,6 +12,7 @@ from typing import Any, Literal, Self, cast
 import h5py
 import numpy as np
 
+from frictus.errors import printable
 from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import Exclusion, FieldError, StudyError, TrialError
 from frictus_service.study import hdf5
@@ -96,7 +97,7 @@ def _asked(trial_id: str, held: Mapping[str, Any]) -> TrialInfo:
     tones = hdf5.numbers(held, "tone_hz")
     return TrialInfo(
         id=trial_id,
-        participant=hdf5.text(held, "participant"),
+        participant=hdf5.shown(held, "participant"),
         session=hdf5.whole(held, "session"),
         order=hdf5.whole(held, "order"),
         speed_mm_s=hdf5.number(held, "speed_mm_s"),
@@ -104,7 +105,7 @@ def _asked(trial_id: str, held: Mapping[str, Any]) -> TrialInfo:
         tones_hz=tuple(map(float, tones)) if any(tones) else (),
         drive_vpp=hdf5.number(held, "drive_vpp"),
         sample_rate_hz=hdf5.number(held, "sample_rate_hz"),
-        started_utc=hdf5.text(held, "started_utc"),
+        started_utc=hdf5.shown(held, "started_utc"),
     )
 
 
@@ -314,7 +315,7 @@ class StudyReader:
         if not self._file:
             raise StudyError(f"{self.path} was closed; read within the context of the reader")
         group = group_in(self._group, trial_id)
-        if group is None:
+        if group is None or not trial_id.isprintable():
             raise FieldError("group", "is no group with a UTF-8 name; accepted: /trials/<id>")
         return group
 
@@ -323,7 +324,7 @@ class StudyReader:
         try:
             yield
         except FieldError as error:
-            exclusion = Exclusion(trial_id, error.field, error.reason)
+            exclusion = Exclusion(printable(trial_id), error.field, error.reason)
             raise TrialError(self.path, exclusion) from error
 
 
@@ -333,7 +334,7 @@ def _read_info(held: Mapping[str, Any]) -> StudyInfo:
         raise FieldError("schema", f"is {schema!r}; accepted: {SCHEMA!r}")
     mount_json = hdf5.text(held, "mount") if "mount" in held else None
     info = StudyInfo(
-        rig=hdf5.text(held, "rig"),
+        rig=hdf5.shown(held, "rig"),
         carrier_hz=hdf5.number(held, "carrier_hz"),
         screen_peak_v=hdf5.number(held, "screen_peak_v"),
         mount=None if mount_json is None else parse_mount(mount_json),
@@ -349,11 +350,11 @@ def _extras(held: Mapping[str, Any]) -> dict[str, str | int | float]:
     for name in sorted(set(held) - set(ROOT)):
         value = hdf5.plain(held[name])
         if isinstance(value, tuple):
-            extras[name] = json.dumps(value)
+            extras[printable(name)] = json.dumps(value)
         elif isinstance(value, float) and not math.isfinite(value):  # JSON has no such numbers
-            extras[name] = str(value)
+            extras[printable(name)] = str(value)
         elif value is not None:
-            extras[name] = value
+            extras[printable(name)] = printable(value) if isinstance(value, str) else value
     return extras
 
 

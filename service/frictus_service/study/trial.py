@@ -156,6 +156,7 @@ ACCEPTED = (
 )
 GAIN_AT_REST = (0.1, 10.0)
 MAX_MOUNT_BYTES = 1_000_000
+MAX_COEFFICIENTS = 64
 
 
 def read_mount(named: str | Path) -> TransferFunction | None:
@@ -235,13 +236,21 @@ def _polynomial(lateral: dict[str, Any], name: str) -> tuple[float, ...]:
     )
     if not numeric:
         raise FieldError("mount", f"lateral.{name} holds other than numbers; {ACCEPTED}")
+    if len(found) > MAX_COEFFICIENTS:
+        raise FieldError(
+            "mount",
+            f"lateral.{name} has {len(found)} coefficients, at most {MAX_COEFFICIENTS}: give "
+            "the resonances that stand out",
+        )
     return tuple(float(value) for value in found)
 
 
 def _check(transfer: TransferFunction) -> None:
     if len(transfer.numerator) > len(transfer.denominator) or transfer.denominator[0] == 0.0:
         raise FieldError("mount", f"lateral is not a proper transfer function; {ACCEPTED}")
-    if not np.all(np.roots(transfer.denominator).real < 0.0):
+    with np.errstate(over="ignore"):
+        monic = np.array(transfer.denominator) / transfer.denominator[0]
+    if not np.isfinite(monic).all() or not np.all(np.roots(monic).real < 0.0):
         raise FieldError("mount", f"lateral is not stable; {ACCEPTED}")
     at_rest = transfer.denominator[-1]
     gain = transfer.numerator[-1] / at_rest

@@ -132,6 +132,7 @@ def test_a_recording_without_a_drive_is_told_to_be_blank(mapped: Path, tmp_path:
         ('schema = "column_map/2"\n[channels]', "schema: Input should be 'column_map/1'"),
         ("channels = 3", "channels: Input should be a valid dictionary"),
         ("[channels]\n[surprise]\na = 1", "surprise: Extra inputs are not permitted"),
+        ('participant = "p\\u202e"\n[channels]', "participant has control or formatting"),
         ("a = " + "[" * 100_000, "is no TOML"),
         ("[channels]\n" + "#" * (1 << 20), "is larger than a column map can be"),
     ],

@@ -104,6 +104,8 @@ SEEN_AT_ONCE: dict[str, tuple[Edit, str, str]] = {
     "negative order": (_set("order", -1), "order", "whole number"),
     "huge order": (_set("order", 1e300), "order", "whole number"),
     "long pseudonym": (_set("participant", "p" * 300), "participant", "300 letters"),
+    "pseudonym for terminals": (_set("participant", "p\x1b[2J"), "participant", "control"),
+    "pseudonym backwards": (_set("participant", "p\u202e"), "participant", "formatting"),
     "blank pseudonym": (_set("participant", " "), "participant", "accepted: text"),
     "participant of 3": (_set("participant", 3), "participant", "accepted: text"),
     "not UTF-8 in a heap": (_set_latin("participant"), "participant", "UTF-8"),
@@ -325,6 +327,15 @@ BAD_ROOTS: dict[str, tuple[Edit, str]] = {
     "mount list": (_set("mount", "[1]"), "mount: is not a JSON object"),
     "half a mount": (_mount({"numerator": [1.0]}), "lateral.denominator"),
     "improper": (_mount({"numerator": [1, 0, 1], "denominator": [1, 1]}), "not a proper"),
+    "mount of 20,000 poles": (
+        _mount({"numerator": [1.0], "denominator": [1.0] * 20_000}),
+        "20000 coefficients",
+    ),
+    "mount beyond numbers": (
+        _mount({"numerator": [1e308], "denominator": [1e-308, 1e308, 1e308]}),
+        "not stable",
+    ),
+    "rig that clears terminals": (_set("rig", "r\x1b[2J"), "rig: is.*control"),
     "unstable": (_mount({"numerator": [1], "denominator": [1, -1]}), "not stable"),
     "reversed": (
         _mount({"numerator": [1.2e8], "denominator": [1.2e8, 1300.0, 1.0]}),

@@ -94,7 +94,7 @@ class Recording(BaseModel):
     sample_rate_hz: Annotated[Positive, Field(le=1e7)] | None = None
     """Rate of a CSV with one column; a WAV, and a CSV with times, bring theirs."""
     scale_n: Annotated[Positive, Field(le=1e6)] | None = None
-    """Newtons per unit of a CSV, or at full scale of a WAV or an effect; 1 where none is given."""
+    """N per unit of a CSV, or at full scale of a WAV or an effect; 1 where none is given."""
     channel: Annotated[int, Field(ge=0, le=1_000)] = 0
     """Channel of a WAV."""
     part_from_s: Annotated[FiniteFloat, Field(ge=0.0)] = 0.0

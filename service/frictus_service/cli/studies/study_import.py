@@ -196,7 +196,9 @@ def _confirmed(
 
 
 def _tell(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
+    from frictus.errors import printable
+
+    sys.stderr.write(f"{printable(line)}\n")
     sys.stderr.flush()
 
 
