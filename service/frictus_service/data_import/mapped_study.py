@@ -6,7 +6,7 @@ Each stroke of a recording is a trial. Every command takes a file that has its m
 
 import hashlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -330,7 +330,10 @@ class Imported:
 
 
 def import_recordings(
-    recordings: Sequence[tuple[Path, ColumnMap]], out: Path, mount: TransferFunction | None
+    recordings: Sequence[tuple[Path, ColumnMap]],
+    out: Path,
+    mount: TransferFunction | None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Imported:
     """Write recordings as a study; one is in memory at a time.
 
@@ -342,6 +345,8 @@ def import_recordings(
         The study.
     mount : TransferFunction or None
         Under the screen.
+    tell : callable
+        Called with how far it is, for each trial.
 
     Raises
     ------
@@ -369,6 +374,7 @@ def import_recordings(
             excluded += study.excluded
             notes |= dict.fromkeys(str(study.info.extras["import_notes"]).split("; "))
             for asked in study.trials:
+                tell(f"{path}: {sum(orders.values())} trials written")
                 place = (asked.participant, asked.session)
                 name = asked.id if not names[asked.id] else f"{asked.id}-{names[asked.id]}"
                 names[asked.id] += 1

@@ -9,6 +9,7 @@ from tests.service.data_import.made import Swipes
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
+from frictus_service.cli.studies import study_import
 from frictus_service.data_import.column_map import changed, load_map, map_beside
 from frictus_service.data_import.sampling import on_grid
 from frictus_service.errors import StudyError
@@ -123,6 +124,21 @@ def test_a_recording_without_a_drive_is_told_to_be_blank(mapped: Path, tmp_path:
     result = CliRunner().invoke(app, [*words, "--set", "drive_voltage="])
     assert result.exit_code == 0, result.stderr
     assert "no drive is in the map: all trials are blank" in result.stdout
+
+
+def test_a_long_import_tells_how_far_it_is(
+    mapped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study_import, "PACE_S", 0.0)
+    monkeypatch.setattr(study_import, "TOLD_BYTES", 0)
+    file = tmp_path / "swipe.csv"
+    file.write_bytes(mapped.read_bytes())
+    result = CliRunner().invoke(
+        app, ["study", "import", str(file), str(tmp_path / "study.h5"), "--yes"]
+    )
+    assert result.exit_code == 0, result.stderr
+    assert f"reading {file}, " in result.stderr
+    assert f"{file}: 1 trials written" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """`frictus study import`: recordings of other programs become a study, by a column map."""
 
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 
 MAX_ANSWERS = 200
 MOST_SHOWN = 10
+TOLD_BYTES = 50_000_000
+"""A file that takes seconds to read."""
+PACE_S = 2.0
+"""Between two words on how far it is."""
 
 
 def import_recordings(
@@ -67,7 +72,7 @@ def import_recordings(
     answers += [] if participant is None else [f"participant={_quoted(participant)}"]
     answers += [] if session is None else [f"session={session}"]
     maps = [(file, _map_of(file, map_file, answers, accept)) for file in files]
-    done = write(maps, out, under_screen)
+    done = write(maps, out, under_screen, _Paced())
     _show(out, done, as_json)
 
 
@@ -91,6 +96,8 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     if map_file is not None or beside.is_file():
         return changed(load_map(map_file or beside), answers)
     _refuse_known_layouts(file)
+    if (size_bytes := file.stat().st_size) > TOLD_BYTES:
+        _tell(f"reading {file}, {1e-6 * size_bytes:.0f} MB")
     columns = read_columns(file)
     if find_response(columns) is not None:
         raise StudyError(
@@ -193,6 +200,18 @@ def _confirmed(
         for line in (*mapped_of(proposal.column_map), *proposal.reasons[len(told) :]):
             _tell(f"  {line}")
     raise StudyError(f"{file}: {MAX_ANSWERS} answers, and the map is not accepted; use --map")
+
+
+class _Paced:
+    """Tells how far a long import is; of a short one nothing."""
+
+    def __init__(self) -> None:
+        self._told_s = time.monotonic()
+
+    def __call__(self, line: str) -> None:
+        if time.monotonic() - self._told_s >= PACE_S:
+            self._told_s = time.monotonic()
+            _tell(line)
 
 
 def _tell(line: str) -> None:
