@@ -3,6 +3,7 @@
 import difflib
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,14 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
         line = place[1] if place else str(text.count("\n") + 1)
         raise ConfigurationError(f"{path}:{line}: not TOML: {error}") from error
     lines = _lines_of_keys(text)
+    if refused := [place for place, value in _texts_in(document) if not value.isprintable()]:
+        raise ConfigurationError(
+            "\n".join(
+                f"{path}:{_line_of(place, lines)}: {'.'.join(map(str, place))}: control and "
+                "formatting characters are in no name, path or address"
+                for place in refused
+            )
+        )
     try:
         # By way of JSON, whose strict mode still turns text into paths and arrays into tuples.
         config = Config.model_validate_json(as_json, strict=True)
@@ -98,6 +107,18 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
     if absent:
         raise ConfigurationError("\n".join(absent))
     return located_config
+
+
+def _texts_in(document: Any, place: Place = ()) -> Iterator[tuple[Place, str]]:
+    """Yield the values that are texts, and where they stand."""
+    if isinstance(document, str):
+        yield place, document
+    elif isinstance(document, dict):
+        for key, value in document.items():
+            yield from _texts_in(value, (*place, key))
+    elif isinstance(document, list):
+        for index, value in enumerate(document):
+            yield from _texts_in(value, (*place, index))
 
 
 def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> tuple[int, str]:

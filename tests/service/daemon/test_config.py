@@ -98,6 +98,8 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         ("block_ms = 0.1\n", 1, ["block_ms", "greater than or equal to 1", "0.1"]),
         ('\n\nblock_ms = "5"\n', 3, ["block_ms", "valid number", "'5'"]),
         ("block_ms = nan\n", 1, ["block_ms"]),
+        ('\nrecordings = "a\\u0000"\n', 2, ["recordings: control and formatting"]),
+        ('[tracker]\naudit = "\\u202ea"\n', 2, ["tracker.audit: control and formatting"]),
         ("block_ms = 5.03\nsite = 'a'\n", 1, ["100.6 samples", "whole number"]),
         ("[limits]\n# comment\nfreeze_ms = 1\n", 3, ["limits.freeze_ms", "50"]),
         ("[limits]\nfreez_ms = 300\n", 2, ["limits.freez_ms", "did you mean 'freeze_ms'"]),
