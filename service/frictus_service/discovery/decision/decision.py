@@ -28,7 +28,7 @@ from frictus_service.discovery.inference.mode_fit import (
     fit_mode,
     likeliest_beside,
     modes_of,
-    starts_near,
+    starts_of,
 )
 from frictus_service.discovery.inference.mode_shape import mode_in
 from frictus_service.discovery.inference.selection import Selected, select
@@ -140,22 +140,26 @@ Models = Callable[[Sequence[int]], Linearised]
 def _with_fitted_mode(
     problem: DiscoveryProblem, flips: FloatArray, kinds: Sequence[str]
 ) -> tuple[DiscoveryProblem, Models, tuple[int, ...], set[int]]:
-    """Return the problem with a significant mode fitted, its models, the mode, other modes.
+    """Return the problem with a mode fitted, its models, the mode, other modes.
 
-    The fit begins beside the causes that were selected with the mode. Some of them may only
-    stand in for what a mode in the wrong place leaves; all are selected anew beside it.
+    It is one that is significant, or else the likeliest cause of all. The fit begins beside
+    the causes that were selected with the mode. Some of them may only stand in for what a mode
+    in the wrong place leaves; all are selected anew beside it.
     Then it goes on beside what makes the readings likelier. Near the first mode the base model
     bends mass and stiffness so far that the fitted one does not show about it: it was seen
     already, and is judged about the model that has it.
     """
     about = _models_of(problem)
     first = _selected(about, flips, kinds).effects
+    modes = modes_of(problem)
     mode = mode_in(problem.candidates, first)
-    if mode is None:
+    if mode is None and modes:
+        mode = likeliest_beside(problem, about(first), first)
+    if mode not in modes:
         return problem, about, (), set()
-    rest = {each for each in modes_of(problem) if each != mode}
+    rest = {each for each in modes if each != mode}
     others = tuple(each for each in first if each != mode)
-    starts = starts_near(problem, about(others), mode)
+    starts = starts_of(problem)
     for _ in range(MODE_FITS):
         problem = fit_mode(problem, about(()), starts, mode, others)
         about = _models_of(problem, about(()))

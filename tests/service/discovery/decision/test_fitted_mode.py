@@ -12,12 +12,13 @@ from frictus_service.discovery.inference.significance import signs
 @pytest.mark.timeout(300)  # half a minute of arithmetic where nothing else runs
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("share", "frequency_hz", "quality"), [(1.0, 300.0, 2.0), (0.4, 150.0, 6.0)]
+    ("share", "frequency_hz", "quality"),
+    [(1.0, 300.0, 2.0), (0.4, 150.0, 6.0), (0.6, 140.0, 6.0)],
 )
 def test_a_mode_brings_no_other_cause(
     share: float, frequency_hz: float, quality: float, rng: np.random.Generator
 ) -> None:
-    """The broad one was named at 450 Hz; that near the first does not show about the base."""
+    """The broad one was named at 450 Hz; those near the first do not show about the base."""
     problem = skins_with_mode(rng, share, frequency_hz, quality)
     with threadpool_limits(limits=1):
         found = decide(problem, signs(6, np.random.default_rng(0)))
