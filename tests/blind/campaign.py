@@ -24,6 +24,8 @@ from tests.blind.cases import KINDS, draw_case
 from tests.blind.generator import Case, Seeds, make_study
 from tests.blind.scoring import score
 
+from frictus_service.discovery.problem.base_models import ResponseName
+
 REPEATS: Final = {
     "null": 200,
     "single": 10,
@@ -35,6 +37,8 @@ REPEATS: Final = {
     "paper": 4,
     "mount_moved": 3,
     "noise": 10,
+    "skin": 20,
+    "early": 10,
 }
 """Of each name of a kind."""
 
@@ -130,7 +134,8 @@ def _scored(task: Task, seed: int, folder: Path) -> dict[str, Any]:
     told = make_study(path, case, Seeds(seed, seed + 1))
     made = time.perf_counter()
     base = "constant-cutoff" if task.kind == "paper" else "paper"
-    report = (_by_command if task.by_command else analyse)(path, base)
+    response: ResponseName = "mobility" if task.kind == "skin" else "friction"
+    report = _by_command(path, base) if task.by_command else analyse(path, base, response)
     analysed = time.perf_counter()
     path.unlink()
     line = {
@@ -144,7 +149,7 @@ def _scored(task: Task, seed: int, folder: Path) -> dict[str, Any]:
     return line
 
 
-def analyse(path: Path, base: str) -> dict[str, Any]:
+def analyse(path: Path, base: str, response: ResponseName = "friction") -> dict[str, Any]:
     """Return the report of a study, analysed in this process.
 
     Parameters
@@ -152,12 +157,13 @@ def analyse(path: Path, base: str) -> dict[str, Any]:
     path : Path
     base : str
         As `frictus discover --base` takes it.
+    response : {'friction', 'mobility'}
     """
     from frictus_service.discovery.discover import discover_study
 
     found = discover_study(
         path,
-        response="friction",
+        response=response,
         base=base,
         seed=secrets.randbits(31),
         cache=path.parent / "observations",

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from tests.blind.generator.case import Case, Design, Hidden
+from tests.blind.generator.people import SECOND_MODE
 
 REALISTIC: Final[Mapping[str, dict[str, float]]] = {
     "speed_dependent_cutoff": {"slope_hz_per_mm_s": 4.8},
@@ -30,6 +31,8 @@ REALISTIC: Final[Mapping[str, dict[str, float]]] = {
 POSITIVE: Final = frozenset(
     {"charge_leakage", "channel_delay", "mains_interference", "stick_slip"}
 )
+"""Drawn without a sign. A delay may have one; that of an early channel is a kind of its own, so
+that studies that were drawn before are drawn again."""
 
 CONFUSABLE: Final = (
     {"channel_delay", "fractional_rolloff"},
@@ -147,6 +150,23 @@ def _noise(which: str) -> Case:
     return Case("noise", hidden, Design(n_tones=0))
 
 
+SKINS: Final = Design(n_tones=12, n_speeds=3, n_forces=1)
+"""So that a mode of the skin can be fitted: each tone at three speeds."""
+
+
+def _skin(which: str, rng: np.random.Generator) -> Case:
+    """Return a study of skins of 6 to 12 people, which may have a mode anywhere."""
+    design = replace(SKINS, participants=int(rng.integers(6, 13)))
+    if not which:
+        return Case("skin", (), design)
+    mode = {
+        "share": float(rng.uniform(0.25, 0.6)),
+        "frequency_hz": float(np.exp(rng.uniform(np.log(150.0), np.log(700.0)))),
+        "quality": float(rng.uniform(2.0, 7.0)),
+    }
+    return Case("skin", (Hidden(which, mode),), design)
+
+
 Draw = Callable[[str, np.random.Generator], Case]
 
 KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
@@ -166,6 +186,11 @@ KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
     "paper": (("",), lambda which, rng: Case("paper")),
     "mount_moved": (("moved", "other"), _moved_mount),
     "noise": (("", STEEPER), lambda which, rng: _noise(which)),
+    "skin": (("", SECOND_MODE), _skin),
+    "early": (
+        ("channel_delay",),
+        lambda which, rng: Case("early", (cause(which, 1.0, rng, sign=-1.0),)),
+    ),
 }
 """By name: what may be asked for, and how a case is drawn."""
 

@@ -94,6 +94,9 @@ def rates(lines: Iterable[Line]) -> list[Rate]:
         *_paper(of("paper")),
         *_mount(of("mount_moved")),
         *_noise(of("noise")),
+        *_skins(of("skin")),
+        # No design of theirs tells a delay from a roll-off: `one_recording` counts intervals.
+        _count("early: channel_delay found", of("early"), _all_found, least=0.80),
         _coverage([*of("single"), *of("pair")]),
         *_gains(of("single"), of("pair")),
     ]
@@ -203,6 +206,34 @@ def _noise(lines: Sequence[Line]) -> list[Rate]:
         _count("noise: speed_dependent_cutoff found", steeper, _all_found, least=0.80),
         _count("noise: exactly the truth", steeper, _is_exact),
     ]
+
+
+def _skins(lines: Sequence[Line]) -> list[Rate]:
+    nothing = [line for line in lines if not line["task"]["which"]]
+    modes = [line for line in lines if line["task"]["which"]]
+    return [
+        _count("skin, null: a cause named", nothing, _accuses, most=0.05, chance=True),
+        _count("skin: second_mode found", modes, _all_found, least=0.95),
+        _count("skin: exactly the truth", modes, _is_exact),
+        *(
+            _held(f"skin: 95 % intervals of the {what} hold the truth", modes, of)
+            for what, of in (
+                ("share", "second_mode"),
+                ("frequency", "second_mode.frequency_hz"),
+                ("quality", "second_mode.quality"),
+            )
+        ),
+    ]
+
+
+def _held(what: str, lines: Sequence[Line], parameter: str) -> Rate:
+    """Return how many intervals hold the truth; nine of ten at least, in the long run.
+
+    No bound above: half of what measuring is accurate by is in the intervals of a mode's
+    frequency and quality, and simulated sensors are better than that.
+    """
+    held = [each[parameter] for x in lines if parameter in (each := x["score"]["covered"])]
+    return Rate(what, sum(held), len(held), least=0.90, chance=True)
 
 
 def _coverage(lines: Sequence[Line]) -> Rate:

@@ -36,8 +36,9 @@ SLIPS: Final[dict[Source, tuple[Slip, ...]]] = {
 }
 EVERY_SLIPPED: Final = 10
 EVERY_LONG: Final = 6
-NULLS_FROM, LONG_FROM, SMALL_FROM = 60, 100, 127
-"""From these numbers on: swipes that hide nothing; explorations; swipes with little hidden."""
+NULLS_FROM, LONG_FROM, SMALL_FROM, EARLY_FROM = 60, 100, 127, 154
+"""From these numbers on: swipes that hide nothing; explorations; swipes with little hidden;
+swipes with a channel that is early."""
 SMALL: Final = 0.25
 """Of the size that others hide."""
 PAIRS: Final = tuple((source, name) for source, names in OF_SOURCE.items() for name in names)
@@ -74,6 +75,9 @@ def recording_of(number: int, seed: int) -> tuple[Recording, str]:
     rng = np.random.default_rng(seed)
     if NULLS_FROM <= number < LONG_FROM:
         return Recording("drive" if number % 2 else "texture", SWIPE_S), "none"
+    if number >= EARLY_FROM:
+        early = hidden_of("channel_delay", rng, times=-1.0)
+        return Recording("drive" if number % 2 else "texture", SWIPE_S, early), "channel_delay"
     source, name = PAIRS[number % len(PAIRS)]
     if number >= LONG_FROM:
         seconds = SWIPE_S if number >= SMALL_FROM else EXPLORATION_S
@@ -189,10 +193,13 @@ def table(lines: Sequence[dict[str, Any]]) -> str:
         _row("**all with a cause**", [each for each in whole if each["hidden"] != "none"]),
         _row("**all without one**", [each for each in whole if each["hidden"] == "none"]),
     ]
-    small = [each for each in lines if each["number"] >= SMALL_FROM]
+    small = [each for each in lines if SMALL_FROM <= each["number"] < EARLY_FROM]
     little = [each for each in small if each["hidden"] != "none"]
     if little:
         rows.append(_row(f"swipes with a cause of {SMALL:g} of that size", little))
+    early = [each for each in lines if each["number"] >= EARLY_FROM]
+    if early:
+        rows.append(_row("swipes with a channel that is early", early))
     stopped, of = rates(lines)["slip"]
     rows.append(f"| wrong sign or unit: refused before any fit | {stopped} of {of} | |")
     seeds = " ".join(f"{line['number']}:{line['seed']}" for line in lines)

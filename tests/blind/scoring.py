@@ -38,7 +38,7 @@ class Score:
         Of `cannot_tell`, those that hold no true cause.
     covered : dict
         By true cause of the catalogue's form that was named: whether the interval of its first
-        parameter holds the truth.
+        parameter holds the truth; by `cause.parameter` of others that have an interval.
     estimates : dict
         The same: truth, estimate, both ends of the interval.
     located : bool or None
@@ -119,13 +119,13 @@ def _estimates(
     for name in hidden.keys() & named.keys():
         if hidden[name].form != "catalogue":
             continue
-        parameter, true = next(iter(hidden[name].parameters.items()))
-        if parameter not in named[name]["parameters"]:
-            continue  # only another shape of it explains the data: no size is claimed
-        estimate = named[name]["parameters"][parameter]
-        if estimate["ci95"] is not None:
-            low, high = estimate["ci95"]
-            found[name] = (true, float(estimate["value"]), float(low), float(high))
+        for place, (parameter, true) in enumerate(hidden[name].parameters.items()):
+            # Of what only another shape of it explains, no size is claimed.
+            estimate = named[name]["parameters"].get(parameter)
+            if estimate is not None and estimate["ci95"] is not None:
+                low, high = estimate["ci95"]
+                of = f"{name}.{parameter}" if place else name
+                found[of] = (true, float(estimate["value"]), float(low), float(high))
     return found
 
 

@@ -104,15 +104,26 @@ def test_what_is_hidden_has_its_size(
     tmp_path: Path,
     rng: np.random.Generator,
 ) -> None:
+    check_size(cause(name, 2.0, rng), plain, tmp_path)
+
+
+def test_a_channel_may_be_early(
+    plain: tuple[int, list[TrialObservations]], tmp_path: Path, rng: np.random.Generator
+) -> None:
+    check_size(cause("channel_delay", 2.0, rng, sign=-1.0), plain, tmp_path)
+
+
+def check_size(
+    hidden: Hidden, plain: tuple[int, list[TrialObservations]], folder: Path
+) -> None:
     seed, nothing = plain
-    hidden = cause(name, 2.0, rng)
     value = next(iter(hidden.parameters.values()))
     effects = []
     errors = []
-    something = observations(tmp_path, (hidden,), seed)
+    something = observations(folder, (hidden,), seed)
     for with_it, without in zip(something, nothing, strict=True):
         minutes = without.info.order / 3.0
-        expected = RATIOS[name](without.rows, value, minutes)
+        expected = RATIOS[hidden.name](without.rows, value, minutes)
         ratio = with_it.rows.friction_response / without.rows.friction_response
         errors.append(np.abs(ratio / expected - 1.0).mean())
         effects.append(np.abs(expected - 1.0).mean())

@@ -49,6 +49,29 @@ def test_a_named_cause_is_found_and_its_interval_judged() -> None:
     assert miss.covered == {"channel_delay": False}
 
 
+def test_intervals_of_where_a_mode_is_are_judged_too() -> None:
+    truth = {"share": 0.4, "frequency_hz": 230.0, "quality": 4.0}
+    said = {
+        "share": {"value": 0.41, "ci95": [0.38, 0.44]},
+        "frequency_hz": {"value": 230.1, "ci95": [229.8, 230.4]},
+        "quality": {"value": 4.2, "ci95": [4.1, 4.3]},
+    }
+    named = {"id": "second_mode", "verdict": "confirmed", "parameters": said}
+    case = Case("skin", (Hidden("second_mode", truth),))
+    found = score(report() | {"causes": [named]}, case, TONES)
+    assert found.covered == {
+        "second_mode": True,
+        "second_mode.frequency_hz": True,
+        "second_mode.quality": False,
+    }
+
+
+def test_an_early_channel_is_of_a_kind_of_its_own(rng: np.random.Generator) -> None:
+    (early,) = draw_case("early", "channel_delay", rng).hidden
+    (late,) = draw_case("single", "channel_delay", rng).hidden
+    assert early.parameters["delay_s"] == -late.parameters["delay_s"] < 0.0
+
+
 def test_a_pair_that_holds_the_truth_counts_and_another_accuses() -> None:
     held = score(report(pairs=(("fractional_rolloff", "channel_delay"),)), DELAY, TONES)
     assert held.found == {"channel_delay": "cannot_tell"}
