@@ -244,9 +244,8 @@ class PatientProtocol(H11Protocol):
     def send_400_response(self, msg: str) -> None:
         """Refuse what is not HTTP as every other error is told, and end."""
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            refusal = HttpError(f"{msg} HTTP/1.1 is accepted, with one Host header").response(
-                ""
-            )
+            accepted = "accepted: HTTP/1.1, one Host header, a path that is percent-encoded"
+            refusal = HttpError(f"{msg} {accepted}").response("")
             head = [*refusal.raw_headers, (b"connection", b"close")]
             for event in (
                 h11.Response(
