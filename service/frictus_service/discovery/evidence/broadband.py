@@ -26,6 +26,7 @@ from frictus_service.discovery.evidence.window_spectra import (
     spectra_of,
 )
 from frictus_service.identification.observation.blocks import BLOCK
+from frictus_service.identification.observation.images import without_images
 from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.response import (
     NO_ROWS,
@@ -119,6 +120,8 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
             for f in fields(ResponseRows)
         }
     )
+    if spectra[0].message is not None:  # what is not driven is not held
+        whole = without_images(whole, trial, study)
     return Broadband(whole, _message(spectra, rows, bands, used), notes)
 
 

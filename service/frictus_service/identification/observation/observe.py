@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.blocks import BLOCK
-from frictus_service.identification.observation.images import folded
+from frictus_service.identification.observation.images import without_images
 from frictus_service.identification.observation.response import TrialObservations, rows_of
 from frictus_service.identification.observation.sweeps import (
     Sweep,
@@ -94,12 +94,7 @@ def observe_along(
     motion, normal_n, sweeps = course.motion, course.normal_n, course.sweeps
     means = _means(course.segments, normal_n, trial.info.sample_rate_hz)
     rows, left_out = rows_of(trial, study, course.segments, normal_n)
-    share = folded(rows, trial, study)
-    rows = replace(
-        rows,
-        friction_response=rows.friction_response / share,
-        friction_variance=rows.friction_variance / np.square(np.abs(share)),
-    )
+    rows = without_images(rows, trial, study)
     reasons = judge(trial, study, motion, sweeps, means)
     return TrialObservations(
         info=trial.info,
