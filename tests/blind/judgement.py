@@ -93,7 +93,7 @@ def rates(lines: Iterable[Line]) -> list[Rate]:
         ),
         *_paper(of("paper")),
         *_mount(of("mount_moved")),
-        *_noise(of("noise")),
+        *_hidden_or_not("noise", "speed_dependent_cutoff", of("noise"), 0.80),
         *_skins(of("skin")),
         # No design of theirs tells a delay from a roll-off: `one_recording` counts intervals.
         _count("early: channel_delay found", of("early"), _all_found, least=0.80),
@@ -198,23 +198,21 @@ def _mount(lines: Sequence[Line]) -> list[Rate]:
     ]
 
 
-def _noise(lines: Sequence[Line]) -> list[Rate]:
+def _hidden_or_not(kind: str, cause: str, lines: Sequence[Line], least: float) -> list[Rate]:
+    """Return how studies are judged that hide one cause, or nothing."""
     nothing = [line for line in lines if not line["task"]["which"]]
-    steeper = [line for line in lines if line["task"]["which"]]
+    hidden = [line for line in lines if line["task"]["which"]]
     return [
-        _count("noise, null: a cause named", nothing, _accuses, most=0.05, chance=True),
-        _count("noise: speed_dependent_cutoff found", steeper, _all_found, least=0.80),
-        _count("noise: exactly the truth", steeper, _is_exact),
+        _count(f"{kind}, null: a cause named", nothing, _accuses, most=0.05, chance=True),
+        _count(f"{kind}: {cause} found", hidden, _all_found, least=least),
+        _count(f"{kind}: exactly the truth", hidden, _is_exact),
     ]
 
 
 def _skins(lines: Sequence[Line]) -> list[Rate]:
-    nothing = [line for line in lines if not line["task"]["which"]]
     modes = [line for line in lines if line["task"]["which"]]
     return [
-        _count("skin, null: a cause named", nothing, _accuses, most=0.05, chance=True),
-        _count("skin: second_mode found", modes, _all_found, least=0.95),
-        _count("skin: exactly the truth", modes, _is_exact),
+        *_hidden_or_not("skin", "second_mode", lines, 0.95),
         *(
             _held(f"skin: 95 % intervals of the {what} hold the truth", modes, of)
             for what, of in (

@@ -171,7 +171,10 @@ end
     made, again, removed, linked, (code, told) = results(tmp_path, port, script)
     assert (made, again, removed, linked) == ("of-octave", "frictus:conflict", True, 1)
     assert code == "frictus:bad_http"
-    assert told.endswith("a path that is percent-encoded")
+    assert told == (
+        "GET /v1/rigs/grün: Invalid HTTP request received. accepted: HTTP/1.1, one "
+        "Host header, a path that is percent-encoded"
+    )
 
 
 def test_extremes_as_asked(port: int, tmp_path: Path) -> None:

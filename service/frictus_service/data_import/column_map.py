@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from frictus.files import read_bounded, read_toml
+from frictus.files import read_toml, require_file
 from frictus_service.data_import.channels import BY_NAME, DRIVES, UNITS, find_unit, units_of
 from frictus_service.durable import replace_file
 from frictus_service.errors import FieldError, StudyError
@@ -156,11 +156,12 @@ def load_map(path: Path) -> ColumnMap:
     StudyError
         If it is no column map; the text names the entry.
     UnreadableFileError
-        If it is longer than any, a pipe or a device.
+        If it is a pipe or a device.
     """
+    require_file(path)
     if path.stat().st_size > MAX_BYTES:
         raise StudyError(f"{path} is larger than a column map can be")
-    content = read_bounded(path, MAX_BYTES)
+    content = path.read_bytes()
     try:
         as_json = path.suffix == ".json"
         parsed = json.loads(content.decode("utf-8-sig")) if as_json else read_toml(content)

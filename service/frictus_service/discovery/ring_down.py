@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from frictus.files import require_file
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.errors import ServiceError
 
@@ -54,6 +55,8 @@ def read_impacts(path: Path, rate_hz: float | None = None) -> ImpactRecording:
     Raises
     ------
     FileNotFoundError
+    UnreadableFileError
+        If it is a pipe or a device.
     ImpactRecordingError
         If the file is of another kind, holds no single channel, or nobody says its rate.
     """
@@ -77,6 +80,7 @@ def _variables(path: Path) -> dict[str, Any]:
         raise ImpactRecordingError(
             f"{path} is a {path.suffix or 'file without ending'}; {ACCEPTED}"
         )
+    require_file(path)
     try:
         if path.suffix == ".npy":
             return {"samples": np.load(path, allow_pickle=False)}

@@ -217,12 +217,9 @@ def mount(
     The mount that --out writes is the strongest resonance, with a gain of 1 at rest: blows show
     neither that gain nor how others add up, which stand beside it.
     """
-    from frictus.files import require_file
     from frictus_service.discovery.between_recordings import between_recordings
     from frictus_service.discovery.ring_down import estimate_ring_down, read_impacts
 
-    for path in recordings:
-        require_file(path)
     if len({path.resolve() for path in recordings}) < len(recordings):
         raise typer.BadParameter("a recording is given twice; it would count as two")
     each = []
