@@ -81,6 +81,7 @@ def find_strokes(recording: MappedRecording) -> list[Stroke]:
             continue
         own = TouchMotion(
             motion.time_s[first:last],
+            motion.reported_mm[first:last],
             motion.position_mm[first:last],
             motion.velocity_mm_s[first:last],
         )

@@ -5,8 +5,6 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Final
 
-import numpy as np
-
 from frictus_service.discovery.evidence.band_noise import entries_of
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, evidence_along
 from frictus_service.identification.observation.observe import course_of
@@ -56,25 +54,12 @@ def _cut(
     motion: TouchMotion, sweep: Sweep, length_s: float, apart_s: float
 ) -> Iterator[SweepThird]:
     """Yield the windows of a sweep: as many as it holds, all of one length."""
-    lasting = sweep.end_s - sweep.begin_s
+    path, lasting = motion.within(sweep), sweep.end_s - sweep.begin_s
     count = max(1, int((lasting + apart_s) / (length_s + apart_s)))
     length = (lasting + apart_s) / count - apart_s
     for number in range(count):
         begin = sweep.begin_s + number * (length + apart_s)
-        ends = motion.position_at(np.array([begin, begin + length]))
-        travel = ends[1] - ends[0]
-        way = float(np.hypot(*travel))
-        if way > 0.0:
-            yield SweepThird(
-                sweep=0,
-                direction=sweep.direction,
-                third=0,
-                begin_s=begin,
-                end_s=begin + length,
-                speed_mm_s=way / length,
-                along=(float(travel[0]) / way, float(travel[1]) / way),
-                position_mm=float(ends[:, 0].mean()),
-            )
+        yield from SweepThird.between(path, sweep, begin, begin + length)
 
 
 def _window(whole: TrialEvidence, segment: SweepThird, trial: Trial) -> TrialEvidence:

@@ -61,6 +61,29 @@ def test_every_sweep_in_both_directions(speed: float, rng: np.random.Generator) 
         assert segment.along[0] == pytest.approx(segment.direction, abs=1e-3)
 
 
+@pytest.mark.parametrize("speed", [60.0, 100.0])
+def test_turns_take_nothing_of_the_speed_at_the_ends(
+    speed: float, rng: np.random.Generator
+) -> None:
+    """Lines through the reports of a turn as well drew the ends of a sweep inward."""
+    _, _, segments = found(*reported(speed, rng, seconds=120.0))
+    middle = [s.speed_mm_s for s in segments if s.third == 1]
+    outer = [s.speed_mm_s for s in segments if s.third != 1]
+    assert np.mean(middle) == pytest.approx(speed, rel=0.001)
+    assert np.mean(outer) == pytest.approx(speed, rel=0.002)
+
+
+def test_a_rare_sensor_s_sweep_goes_on_to_its_ends() -> None:
+    """Fewer than four reports stand about an end, which is no reason to stop there."""
+    time_s = np.arange(0.0, 2.0, 1.0 / 35.0)
+    place = np.column_stack([60.0 * time_s, np.full(time_s.size, 35.0)])
+    _, (sweep,), segments = found(place, time_s)
+    assert segments[0].begin_s == sweep.begin_s
+    assert segments[-1].end_s == sweep.end_s
+    for segment in segments:
+        assert segment.speed_mm_s == pytest.approx(60.0, rel=1e-9)
+
+
 def test_the_whole_sweep_is_used_in_thirds_of_equal_width(rng: np.random.Generator) -> None:
     motion, sweeps, segments = found(*reported(60.0, rng))
     for number, sweep in enumerate(sweeps[1:-1], 1):
