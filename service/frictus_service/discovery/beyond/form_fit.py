@@ -17,15 +17,16 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import FORMS, extended
 from frictus_service.discovery.beyond.grammar import Form
 from frictus_service.discovery.evidence.residuals import accuracy_of, reduce
-from frictus_service.discovery.inference.linear_model import (
-    ROUNDING,
-    inverse_of,
-    orthonormal,
-    telling_of,
-)
+from frictus_service.discovery.inference.linear_model import telling_of
 from frictus_service.discovery.inference.linearisation import Linearised, misfits
 from frictus_service.discovery.inference.predictive_density import LEAST_TELLING
 from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.projection import (
+    ROUNDING,
+    inverse_of,
+    orthogonal_to,
+    orthonormal,
+)
 
 ROUNDS: Final = 60
 SETTLED: Final = 1e-5
@@ -85,8 +86,7 @@ class Remainder:
         values : mapping
             Its parameters; empty: the model without the form.
         """
-        readings, basis = self.whitened(unit, effect, values), self.bases[unit]
-        return readings - basis @ (basis.T @ readings)
+        return orthogonal_to(self.bases[unit], self.whitened(unit, effect, values))
 
     def whitened(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
         """Return what is left of a unit beside a form, with what is its own."""

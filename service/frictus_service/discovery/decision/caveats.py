@@ -15,12 +15,7 @@ from frictus_service.discovery.evidence.observation_table import (
 )
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
-from frictus_service.discovery.inference.linear_model import (
-    ROUNDING,
-    Unit,
-    inverse_of,
-    orthonormal,
-)
+from frictus_service.discovery.inference.linear_model import Unit
 from frictus_service.discovery.inference.linearisation import Linearised, columns_of
 from frictus_service.discovery.problem.candidates import (
     Covariate,
@@ -30,6 +25,12 @@ from frictus_service.discovery.problem.candidates import (
     scaled,
 )
 from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.projection import (
+    ROUNDING,
+    inverse_of,
+    orthogonal_to,
+    orthonormal,
+)
 
 FORMS: Final = 2
 """A signature times the covariate, and times its square: a saturating or a stepped effect is
@@ -61,13 +62,11 @@ def place_of(units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]) ->
     explained, whole = np.zeros(len(names)), 0.0
     for unit in units:
         own = orthonormal(unit.own)
-        signature = unit.effects[:, effect]
-        signature = signature - own @ (own.T @ signature)
+        signature = orthogonal_to(own, unit.effects[:, effect])
         whole += float(signature @ signature)
         for place, name in enumerate(names):
             columns = unit.generic[:, [each == name for each in family]]
-            columns = columns - own @ (own.T @ columns)
-            basis = orthonormal(columns)
+            basis = orthonormal(orthogonal_to(own, columns))
             explained[place] += float(np.sum(np.square(basis.T @ signature)))
     best = names[int(np.argmax(explained))]
     anywhere: Place = (best[0], "none")
@@ -153,8 +152,7 @@ def explained_by(
     gram, along, whole = np.zeros((n_columns, n_columns)), np.zeros(n_columns), 0.0
     for unit, rest, each in zip(units, misfit, columns, strict=True):
         own = orthonormal(unit.own)
-        rest = rest - own @ (own.T @ rest)
-        each = each - own @ (own.T @ each)
+        rest, each = orthogonal_to(own, rest), orthogonal_to(own, each)
         gram = gram + each.T @ each
         along = along + each.T @ rest
         whole += float(rest @ rest)

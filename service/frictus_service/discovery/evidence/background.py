@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.discovery.projection import orthogonal_to
 from frictus_service.identification.observation.blocks import BLOCK, RAMP, BlockSums
 from frictus_service.identification.observation.response import WholeBlocks
 from frictus_service.identification.observation.tones import Tones, trend_degree
@@ -233,7 +234,7 @@ def low_power(
     mean = left[there] / count[there]
     taper = np.square(np.cos(np.pi * time_s[there] / seconds))
     columns = np.zeros((left.size, basis.shape[1] + 2))
-    columns[there, 0] = taper * (mean - basis @ (basis.T @ mean))
+    columns[there, 0] = taper * orthogonal_to(basis, mean)
     columns[there, 1] = np.square(taper)
     columns[there, 2:] = taper[:, np.newaxis] * basis
     length = 1 << int(np.ceil(np.log2(2 * left.size)))

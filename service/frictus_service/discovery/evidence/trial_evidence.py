@@ -130,6 +130,7 @@ EVIDENCE: Final = Reader(
         "frictus_service.discovery.evidence.spectra",
         "frictus_service.discovery.evidence.sweep_speed",
         "frictus_service.discovery.evidence.window_spectra",
+        "frictus_service.discovery.projection",
         "frictus_service.identification.observation.through_mount",
         "frictus_service.identification.observation.touch_path",
         "frictus_service.identification.plausibility.trial_statistics",

@@ -14,18 +14,19 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.discovery.evidence.residuals import Layout, by_kind, huber, scatters
-from frictus_service.discovery.inference.linear_model import (
-    LEAST_SHARE,
-    ROUNDING,
-    inverse_of,
-    left_singular,
-    orthonormal,
-)
 from frictus_service.discovery.inference.significance import (
     RandomEffects,
     estimate_random_effects,
 )
 from frictus_service.discovery.problem.problem import UnwhitenedUnit
+from frictus_service.discovery.projection import (
+    ROUNDING,
+    hardly_left,
+    inverse_of,
+    left_singular,
+    orthogonal_to,
+    orthonormal,
+)
 
 ROUNDS: Final = 3
 """Scatter and fit follow from each other."""
@@ -135,7 +136,7 @@ def whiten(
         along = np.hstack(
             [(raw.readings * weight)[:, np.newaxis], _times(raw.deviating, weight)]
         )
-        rests.append(along - basis @ (basis.T @ along))
+        rests.append(orthogonal_to(basis, along))
     deviation = _deviations(rests, [raw.condition for raw in raws], raws[0].n_kinds)
     plain = [
         Whitening.of(raw, weight, deviation) for raw, weight in zip(raws, weights, strict=True)
@@ -160,10 +161,9 @@ def _random_effects(
     for raw, whitening in zip(raws, whitenings, strict=True):
         basis = orthonormal(whitening(np.hstack([raw.own, raw.chosen[:, raw.common]])))
         rest, whole = whitening(raw.readings), whitening(raw.random_effects)
-        left = whole - basis @ (basis.T @ whole)
-        square = np.einsum("ij,ij->j", whole, whole)
-        left[:, np.einsum("ij,ij->j", left, left) <= LEAST_SHARE * square] = 0.0
-        readings.append(rest - basis @ (basis.T @ rest))
+        left = orthogonal_to(basis, whole)
+        left[:, hardly_left(left, whole)] = 0.0
+        readings.append(orthogonal_to(basis, rest))
         signatures.append(left)
     return estimate_random_effects(readings, signatures)
 
@@ -197,9 +197,8 @@ def _weights(
 def _rest(raw: UnwhitenedUnit, weight: FloatArray) -> FloatArray:
     """Return what a fit with own deviations of every condition leaves, scaled to scatter."""
     basis = orthonormal(_times(np.hstack([raw.own, raw.chosen, raw.deviating]), weight))
-    whitened = raw.readings * weight
     free = 1.0 - np.einsum("ij,ij->i", basis, basis)
-    left = whitened - basis @ (basis.T @ whitened)
+    left = orthogonal_to(basis, raw.readings * weight)
     rest: FloatArray = left / weight / np.sqrt(np.maximum(free, LEAST_FREE))
     return rest
 

@@ -6,16 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, FloatArray
-from frictus_service.discovery.inference.linear_model import (
-    LEAST_SHARE,
-    ROUNDING,
-    Unit,
-    beside,
-    inverse_of,
-    joint,
-    project_out,
-)
+from frictus_service.discovery.inference.linear_model import Unit, beside, joint, project_out
 from frictus_service.discovery.inference.significance import PRIOR_DEGREES
+from frictus_service.discovery.projection import LEAST_SHARE, ROUNDING, inverse_of
 
 
 def joint_gain(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:

@@ -11,13 +11,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import KNOWN
 from frictus_service.discovery.evidence.residuals import Compared, accuracy_of, reduce
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
-from frictus_service.discovery.inference.linear_model import (
-    Unit,
-    hardly_left,
-    joint,
-    mean_of_known,
-    orthonormal,
-)
+from frictus_service.discovery.inference.linear_model import Unit, joint, mean_of_known
 from frictus_service.discovery.problem.base_models import NUISANCE
 from frictus_service.discovery.problem.candidates import Pattern
 from frictus_service.discovery.problem.problem import (
@@ -25,6 +19,7 @@ from frictus_service.discovery.problem.problem import (
     UnwhitenedUnit,
     as_accurate,
 )
+from frictus_service.discovery.projection import hardly_left, orthogonal_to, orthonormal
 
 ROUNDS: Final = 8
 """Of Gauss-Newton at most; without a power that outgrows its background, three do."""
@@ -113,7 +108,8 @@ def linearise(
         rests = [
             unit.readings - unit.effects @ row for unit, row in zip(units, at, strict=True)
         ]
-        rounds.append(_Round(own, at, _likelihood(whitenings, rests)))
+        left = sum(float(rest @ rest) for rest in rests)
+        rounds.append(_Round(own, at, _likelihood(whitenings, left)))
         coefficients = _settled(problem, joint(units, range(len(chosen))), chosen)
         random_coefficients = np.array(
             [whitening.random_coefficients[places] for whitening in whitenings]
@@ -141,7 +137,8 @@ def linearise(
         for place, whitening in enumerate(whitenings)
     ]
     best = max(rounds, key=attrgetter("likelihood"))
-    if _likelihood(whitenings, rests) < best.likelihood - LESS_LIKELY:
+    left = sum(float(rest @ rest) for rest in rests)
+    if _likelihood(whitenings, left) < best.likelihood - LESS_LIKELY:
         own, at = best.own, best.at
         units, whitenings = units_about(
             problem, own, there, at, len(chosen), wanted, patterns, whiten
@@ -161,14 +158,6 @@ class _Round(NamedTuple):
     likelihood: float
 
 
-def _likelihood(whitenings: Sequence[Whitening], rests: Sequence[FloatArray]) -> float:
-    """Return how likely what is left of all units is, whitened, in nats."""
-    return sum(
-        whitening.log_determinant - 0.5 * float(rest @ rest)
-        for whitening, rest in zip(whitenings, rests, strict=True)
-    )
-
-
 def likelihood(problem: DiscoveryProblem, model: Linearised) -> float:
     """Return how likely a fitted model makes the readings of all units, in nats.
 
@@ -182,8 +171,12 @@ def likelihood(problem: DiscoveryProblem, model: Linearised) -> float:
     model : Linearised
         A fitted model with the units about it.
     """
-    determinants = sum(each.log_determinant for each in model.whitenings)
-    return determinants - 0.5 * misfit(problem, model, model)
+    return _likelihood(model.whitenings, misfit(problem, model, model))
+
+
+def _likelihood(whitenings: Sequence[Whitening], misfit: float) -> float:
+    """Return how likely readings are of which this sum of squares is left, in nats."""
+    return sum(each.log_determinant for each in whitenings) - 0.5 * misfit
 
 
 def units_about(
@@ -253,7 +246,7 @@ def _shown(effects: FloatArray, unit: UnwhitenedUnit) -> FloatArray:
     """
     scale = 1.0 / unit.accuracy[:, np.newaxis]
     basis, whole = orthonormal(unit.own * scale), effects * scale
-    hidden = hardly_left(whole - basis @ (basis.T @ whole), whole)
+    hidden = hardly_left(orthogonal_to(basis, whole), whole)
     return np.where(hidden, 0.0, effects)
 
 
@@ -307,7 +300,7 @@ def _whitened_rest(
 
 def _beyond(basis: FloatArray, readings: FloatArray) -> float:
     """Return the sum of squares outside an orthonormal basis."""
-    return float(np.sum(np.square(readings - basis @ (basis.T @ readings))))
+    return float(np.sum(np.square(orthogonal_to(basis, readings))))
 
 
 def misfit(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> float:

@@ -19,16 +19,17 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import KNOWN
 from frictus_hardware.physics.effects.skin import SECOND_MODE_QUALITY
 from frictus_service.discovery.evidence.residuals import accuracy_of
-from frictus_service.discovery.inference.linear_model import (
-    ROUNDING,
-    inverse_of,
-    orthonormal,
-    project_out,
-)
+from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import Linearised, likelihood, linearise
 from frictus_service.discovery.inference.mode_shape import MOST_STEP, SHAPE, moved, with_shape
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.projection import (
+    ROUNDING,
+    inverse_of,
+    orthogonal_to,
+    orthonormal,
+)
 
 STEPS: Final = 10
 """Of Gauss and Newton at most; 300 Hz is four from the neighbour of its neighbour."""
@@ -109,12 +110,12 @@ def shape_of(problem: DiscoveryProblem, model: Linearised, mode: int) -> ShapeEs
         rest = unit.readings - unit.effects[:, :n] @ coefficients
         others = np.delete(unit.effects[:, :n], place, axis=1)
         own = orthonormal(np.column_stack([unit.own, others]))
-        share, *shape = (each - own @ (own.T @ each) for each in unit.effects[:, place:].T)
+        share, *shape = (orthogonal_to(own, each) for each in unit.effects[:, place:].T)
         derivatives = np.column_stack(shape[-2:])
         # Everybody's share follows the shape.
         slope = share @ derivatives / max(float(share @ share), np.finfo(float).tiny)
         derivatives = derivatives - np.multiply.outer(share, slope)
-        rest = rest - own @ (own.T @ rest)
+        rest = orthogonal_to(own, rest)
         grams.append(derivatives.T @ derivatives)
         along.append(derivatives.T @ rest)
         slopes.append(-slope)

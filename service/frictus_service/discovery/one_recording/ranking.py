@@ -19,10 +19,8 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.residuals import Layout, noise_of
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
 from frictus_service.discovery.inference.linear_model import (
-    ROUNDING,
     Unit,
     beside,
-    inverse_of,
     mean_of_known,
     project_out,
 )
@@ -41,6 +39,7 @@ from frictus_service.discovery.inference.mode_shape import (
 from frictus_service.discovery.inference.units_anew import weighted_as
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
+from frictus_service.discovery.projection import ROUNDING, inverse_of
 
 BEST: Final = 3
 """Causes of which all pairs are tried."""

@@ -19,10 +19,10 @@ from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
 from frictus_service.discovery.evidence.residuals import Layout
 from frictus_service.discovery.inference.covariance import DEVIATIONS, Whitening, whiten
-from frictus_service.discovery.inference.linear_model import orthonormal
 from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.problem.candidates import candidates_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
+from frictus_service.discovery.projection import orthonormal
 
 N_UNITS, N_CONDITIONS, N_EACH = 10, 12, 40
 N = N_CONDITIONS * N_EACH
@@ -73,22 +73,6 @@ def left_of(raw: UnwhitenedUnit, whitening: Whitening) -> FloatArray:
     readings = whitening(raw.readings)
     left: FloatArray = readings - own @ (own.T @ readings)
     return left
-
-
-def test_a_basis_is_found_where_the_usual_driver_does_not_converge(
-    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    columns = rng.normal(size=(40, 5))
-    columns[:, 4] = columns[:, 0] - columns[:, 1]
-    usual = orthonormal(columns)
-    assert usual.shape == (40, 4)
-
-    def never(*_given: object, **_named: object) -> None:
-        raise np.linalg.LinAlgError("SVD did not converge")
-
-    monkeypatch.setattr(np.linalg, "svd", never)
-    other = orthonormal(columns)
-    np.testing.assert_allclose(other @ other.T, usual @ usual.T, atol=1e-12)
 
 
 def test_what_was_put_in_comes_out(rng: np.random.Generator) -> None:
