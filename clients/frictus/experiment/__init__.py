@@ -15,6 +15,7 @@ from frictus.experiment.events import events_table, write_events
 from frictus.experiment.experiment import Experiment
 from frictus.experiment.participant import Participant, VirtualParticipant
 from frictus.experiment.presentation import PresentedInterval, ScaledError
+from frictus.experiment.procedures.next_level import QuestPlus, Staircase
 from frictus.experiment.procedures.orders import latin_square
 from frictus.experiment.procedures.plans import (
     ConstantPlan,
@@ -22,9 +23,7 @@ from frictus.experiment.procedures.plans import (
     QuestPlusPlan,
     StaircasePlan,
 )
-from frictus.experiment.procedures.quest_plus import QuestPlus
 from frictus.experiment.procedures.schedule import ScheduledTrial
-from frictus.experiment.procedures.staircase import Staircase
 from frictus.experiment.protocol import (
     Design,
     Presentation,

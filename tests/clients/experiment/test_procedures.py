@@ -5,9 +5,7 @@ import pytest
 from questplus import QuestPlusWeibull
 
 from frictus import ArgumentError
-from frictus.experiment.procedures.constant import ConstantStimuli
-from frictus.experiment.procedures.quest_plus import QuestPlus
-from frictus.experiment.procedures.staircase import Staircase
+from frictus.experiment.procedures.next_level import ConstantStimuli, QuestPlus, Staircase
 from frictus.experiment.psychometrics.psychometric import (
     LAPSE_FLOOR,
     ParameterGrid,

@@ -5,9 +5,7 @@ from typing import Annotated, Final, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from frictus.experiment.procedures.constant import ConstantStimuli
-from frictus.experiment.procedures.quest_plus import QuestPlus
-from frictus.experiment.procedures.staircase import Staircase
+from frictus.experiment.procedures.next_level import ConstantStimuli, QuestPlus, Staircase
 from frictus.experiment.psychometrics.psychometric import LAPSE_FLOOR, FloatArray, ParameterGrid
 
 MAX_LEVEL: Final = 1e6
