@@ -248,9 +248,8 @@ def expect_state(status: Latest[RigStatus], reply: Reply, within_s: float) -> No
     within_s : float
         Longest wait for it.
     """
-    answered_ns = reply.utc_ns
-    if answered_ns is not None:
-        status.expect(lambda newest: newest.utc_ns >= answered_ns, within_s, answered_ns)
+    if reply.utc_ns is not None:
+        status.expect(reply.utc_ns, within_s)
 
 
 def stream_end(status: RigStatus | None, opened: Reply) -> LeaseLostError | None:

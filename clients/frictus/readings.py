@@ -197,18 +197,9 @@ class Readings:
         reply : Reply
             What the rig answered.
         """
-        etag, answered_ns = reply.etag, reply.utc_ns
-
-        def includes(state: SceneState | ModelState) -> bool:
-            if state.etag == etag:
-                return True
-            return (
-                answered_ns is not None
-                and state.utc_ns is not None
-                and state.utc_ns >= answered_ns
-            )
-
-        self.latest(topic, kind).expect(includes, self._timeout_s, answered_ns)
+        self.latest(topic, kind).expect(
+            reply.utc_ns, self._timeout_s, lambda state: state.etag == reply.etag
+        )
         self.expect_status(reply)
 
     def expect_status(self, reply: Reply) -> None:
@@ -250,9 +241,7 @@ class Readings:
             raise OutdatedStateError(
                 f"the recorder of rig {self._keys.rig} has done it, but says nothing since"
             ) from None
-        self.latest(Topics.RECORDING, RecordingState).expect(
-            lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s, state.utc_ns
-        )
+        self.latest(Topics.RECORDING, RecordingState).expect(state.utc_ns, self._timeout_s)
         return state
 
     def close(self) -> None:

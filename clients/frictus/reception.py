@@ -230,19 +230,28 @@ class Latest(Generic[T]):
         return self._declared is None
 
     def expect(
-        self, holds: Callable[[T], bool], within_s: float, confirmed_ns: int | None = None
+        self,
+        confirmed_ns: int | None,
+        within_s: float,
+        includes: Callable[[T], bool] = lambda _: False,
     ) -> None:
         """Have `value` wait for what the publisher is known to be about to publish.
 
         Parameters
         ----------
-        holds : callable
-            Whether a value includes it.
+        confirmed_ns : int or None
+            When it was confirmed, UTC by the publisher's clock, ns: a value from then on
+            includes it. None where that is not known.
         within_s : float
             Longest wait, from now.
-        confirmed_ns : int or None
-            When it was confirmed, UTC by the publisher's clock, ns.
+        includes : callable
+            Whether a value includes it whenever it is from.
         """
+
+        def holds(value: T) -> bool:
+            later = confirmed_ns is not None and _utc_ns(value) >= confirmed_ns
+            return later or includes(value)
+
         self._expected, self._expected_until_s = holds, time.monotonic() + within_s
         self._confirmed_ns = confirmed_ns or 0
 
