@@ -10,7 +10,7 @@ from frictus.errors import UnreadableFileError
 
 MAX_TOML_BYTES: Final = 10_000_000
 _LONG_KEY: Final = re.compile(
-    rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}"""
+    r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}""", re.ASCII
 )
 
 
@@ -61,22 +61,22 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
     return content
 
 
-def read_toml(content: bytes) -> dict[str, Any]:
+def read_toml(text: str) -> dict[str, Any]:
     """Return what a TOML document holds.
 
     Parameters
     ----------
-    content : bytes
-        In UTF-8; editors on Windows put a mark before it.
+    text : str
+        Without the mark that editors on Windows put before it.
 
     Raises
     ------
     ValueError
         If it is no TOML; the text says where.
     """
-    if _LONG_KEY.search(content):  # it would be read for minutes
+    if _LONG_KEY.search(text):  # it would be read for minutes
         raise ValueError("a key of more than 20 parts")
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return tomllib.loads(text)
     except RecursionError as error:
         raise ValueError("lists or tables within each other, too deep") from error

@@ -60,9 +60,9 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
         As `load`.
     """
     try:
-        document = read_toml(text.encode())
+        document = read_toml(text)
         as_json = json.dumps(document, default=str)
-    except RecursionError as error:
+    except RecursionError as error:  # as JSON: a key of many parts is as many tables
         message = "lists or tables within each other, deeper than any setting has them"
         raise ConfigurationError(f"{path}:1: {message}") from error
     except ValueError as error:  # integers of 4300 digits: no TOMLDecodeError

@@ -193,7 +193,7 @@ def parse_protocol(toml: bytes, source: str) -> Protocol:
     """
     try:
         # Textures pass over what they do not know; here that would be another stimulus.
-        return Protocol.model_validate(read_toml(toml), extra="forbid")
+        return Protocol.model_validate(read_toml(toml.decode("utf-8-sig")), extra="forbid")
     except ValidationError as error:
         raise ArgumentError(f"{source}: {explain(error)}") from error
     except ValueError as error:  # integers of 4300 digits: no TOMLDecodeError

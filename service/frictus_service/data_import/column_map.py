@@ -163,8 +163,8 @@ def load_map(path: Path) -> ColumnMap:
         raise StudyError(f"{path} is larger than a column map can be")
     content = path.read_bytes()
     try:
-        as_json = path.suffix == ".json"
-        parsed = json.loads(content.decode("utf-8-sig")) if as_json else read_toml(content)
+        text = content.decode("utf-8-sig")
+        parsed = json.loads(text) if path.suffix == ".json" else read_toml(text)
     except (ValueError, RecursionError) as error:
         raise StudyError(f"{path} is no TOML ({error}); JSON is called .json") from error
     return parse_map(parsed, str(path))
