@@ -52,7 +52,7 @@ def test_who_goes_while_nobody_looks_is_not_shown_afterwards(
             session=SimpleNamespace(info=SimpleNamespace(transports=lambda: ["router"])),
         )
         link: Any = SimpleNamespace(site="lab", client=lambda: client)
-        hub = Hub(link)
+        hub = Hub(link, 500)
         changes.bring("rig1", True)
         changes.bring("rig2", True)
         async with asyncio.timeout(WAIT_S):

@@ -3,7 +3,7 @@
 import asyncio
 import threading
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -23,6 +23,9 @@ from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import RefusedViewerError
 from frictus_service.api.dashboard.rendering import Rendering
 from frictus_service.api.services import ConnectedPages
+from frictus_service.config import ApiConfig
+
+HELD_MS: Final = ApiConfig().page_lease_ms
 
 
 class Link:
@@ -85,7 +88,7 @@ def test_a_refused_arming_ends_no_watch_over_the_lease(monkeypatch: Any) -> None
 
     async def scene() -> None:
         rig = Refusing()
-        arming = Arming(Hub(Link(rig)), "page", ignore, forget)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig), HELD_MS), "page", ignore, forget)  # type: ignore[arg-type]
         watch = asyncio.create_task(arming.run())
         with pytest.raises(RefusedViewerError, match="another holds it"):
             await arming.arm(PageArmRequest(op="arm", rig="rig1"))
@@ -108,7 +111,7 @@ def test_a_rig_that_is_given_back_is_closed_whatever_it_says() -> None:
     rig = SimpleNamespace(arm=lambda **how: lease, close=lambda: done.append("close"))
 
     async def scene() -> None:
-        arming = Arming(Hub(Link(rig)), "page", ignore, forget)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig), HELD_MS), "page", ignore, forget)  # type: ignore[arg-type]
         await arming.arm(PageArmRequest(op="arm", rig="rig1"))
         await arming.close()
 
@@ -133,7 +136,7 @@ def test_who_disarms_what_is_just_being_given_back_is_answered(monkeypatch: Any)
         async def tell(message: str) -> None:
             told.append(message)
 
-        arming = Arming(Hub(Link(rig)), "page", tell, forget)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig), HELD_MS), "page", tell, forget)  # type: ignore[arg-type]
         await arming.arm(PageArmRequest(op="arm", rig="rig1"))
         watch = asyncio.create_task(arming.run())
         await asyncio.to_thread(begun.wait, 10.0)
@@ -158,7 +161,7 @@ def test_a_rig_that_a_page_holds_waits_for_the_api_as_configured() -> None:
         await arming.arm(PageArmRequest(op="arm", rig="rig1"))
         await arming.close()
 
-    asyncio.run(scene(Hub(Link(rig))))  # type: ignore[arg-type]
+    asyncio.run(scene(Hub(Link(rig), HELD_MS)))  # type: ignore[arg-type]
     assert asked["lease_ms"] == 500
     asyncio.run(scene(Hub(Link(rig), 10_000)))  # type: ignore[arg-type]
     assert asked["lease_ms"] == 10_000
@@ -175,7 +178,7 @@ def test_a_page_that_is_not_heard_is_not_there_though_the_loop_stands_still(
 
     async def scene() -> None:
         nonlocal now_s
-        arming = Arming(Hub(Link(rig)), "page", ignore, forget)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig), HELD_MS), "page", ignore, forget)  # type: ignore[arg-type]
         await arming.arm(PageArmRequest(op="arm", rig="rig1", lease_ms=500))
         there = asked["still_there"]
         now_s += 0.4
@@ -211,7 +214,7 @@ def test_a_fault_at_the_end_keeps_no_other_part_open(monkeypatch: Any) -> None:
         return said.pop() if said else {"type": "websocket.disconnect", "code": 1001}
 
     async def scene() -> None:
-        hub = Hub(Link())  # type: ignore[arg-type]
+        hub = Hub(Link(), HELD_MS)  # type: ignore[arg-type]
         socket: Any = SimpleNamespace(
             receive=receive, send_text=ignore, application_state=WebSocketState.CONNECTED
         )
@@ -232,7 +235,7 @@ def test_a_stream_ends_whatever_a_call_ended_with() -> None:
     rig = SimpleNamespace(open_stream=lambda peak_n: stream, set_scene=fail, close=lambda: None)
 
     async def scene() -> None:
-        rendering = Rendering(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        rendering = Rendering(Hub(Link(rig), HELD_MS), "page", ignore)  # type: ignore[arg-type]
         calls = asyncio.create_task(rendering.run_calls())
         rendering.call(OpenStream(op="open_stream", rig="rig1", peak_n=0.1))
         while rendering.progress() is None:
@@ -260,7 +263,7 @@ def test_each_part_that_sends_finds_a_page_gone_that_broke_off() -> None:
     async def scene() -> None:
         socket = WebSocket({"type": "websocket", "headers": []}, receive, send)
         await socket.accept()
-        hub = Hub(Link())  # type: ignore[arg-type]
+        hub = Hub(Link(), HELD_MS)  # type: ignore[arg-type]
         conversation = Conversation(socket, hub, (), ConnectedPages())
         for message in ("first", b"second"):
             with pytest.raises(WebSocketDisconnect):

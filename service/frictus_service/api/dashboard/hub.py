@@ -70,7 +70,7 @@ class Hub:
         Threads for texture updates and points.
     """
 
-    def __init__(self, link: RigConnection, lease_ms: int = 500) -> None:
+    def __init__(self, link: RigConnection, lease_ms: int) -> None:
         self._link = link
         self.site = link.site
         self.lease_ms = lease_ms
