@@ -9,10 +9,9 @@ from frictus.messages import RigStatus
 from frictus.websocket.frames import Frame
 from frictus.websocket.messages import VALUES, RigLost, Rigs, Watch
 from frictus_service.api.dashboard.channels import FINGERS, Channel, Stream, Value
-from frictus_service.api.dashboard.finger_frames import FingerTrace
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import NOT_ALLOWED, RefusedViewerError
-from frictus_service.api.dashboard.traces import Trace
+from frictus_service.api.dashboard.traces import FingerTrace, Trace
 from frictus_service.config import Scope
 
 IDLE_RATE_HZ: Final = 10.0
