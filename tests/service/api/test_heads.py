@@ -7,7 +7,7 @@ from fastapi.testclient import TestClient
 from starlette.types import Message, Receive, Scope, Send
 from tests.service.api.conftest import FakeRig
 
-from frictus_service.api.heads import Heads
+from frictus_service.api.server import Heads
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,23 @@
 """Paths of recordings: start, end and follow one on a rig; which there are on this machine."""
 
+import asyncio
+import contextlib
 import json
+import logging
 import math
+import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path as FilePath
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.types import Receive, Scope, Send
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
@@ -20,13 +25,16 @@ from frictus.names import NAME
 from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.exports import EXPORT_PREFIX, ExportResponse
-from frictus_service.api.limits import RequestLimits, address_of
-from frictus_service.api.requests import body_of, json_body
+from frictus_service.api.limits import TAKE_S, RequestLimits, address_of
+from frictus_service.api.requests import SLOWEST_BYTES_S, body_of, json_body
 from frictus_service.api.routes.rigs import RigName
 from frictus_service.api.services import Given, Services
+from frictus_service.durable import left_behind
 from frictus_service.errors import RecordingError
 
+EXPORT_PREFIX: Final = "frictus-export-"
+"""Of folders in the temporary folder of the system."""
+_LOG: Final = logging.getLogger(__name__)
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnauthenticatedError,
     problems.MissingScopeError,
@@ -322,3 +330,34 @@ def stop_recording(rig: RigName, given: Given) -> RecordingState:
     """End the recording; return how long it became and what was lost in it."""
     with _conflicts():
         return given.link.recorder_of(rig).end_recording()
+
+
+class ExportResponse(FileResponse):
+    """A file that is there until it is sent, or nobody takes it, or not in time.
+
+    Who takes a few bytes now and then holds a place, and a file, that others wait for.
+
+    Attributes
+    ----------
+    until_sent : ExitStack
+        What is held for it; closed at the end.
+    """
+
+    until_sent: ExitStack
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it, and let go."""
+        with self.until_sent:  # ends at once: who is cancelled cannot wait
+            allowed_s = TAKE_S + FilePath(self.path).stat().st_size / SLOWEST_BYTES_S
+            try:
+                async with asyncio.timeout(allowed_s):
+                    await super().__call__(scope, receive, send)
+            except TimeoutError:  # the server ends the connection of an answer that breaks off
+                _LOG.warning("%s was not taken within %.0f s", scope["path"], allowed_s)
+
+
+def remove_left_exports() -> None:
+    """Remove what exports of services that were killed have left."""
+    for left in left_behind(FilePath(gettempdir()), EXPORT_PREFIX):
+        with contextlib.suppress(OSError):  # somebody else's, or gone already
+            shutil.rmtree(left)

@@ -10,18 +10,18 @@ from pathlib import Path
 import pytest
 from starlette.types import Message
 
-from frictus_service.api import exports
+from frictus_service.api.routes import recordings
 from frictus_service.durable import LEFT_S
 
 
 def test_who_takes_it_too_slowly_holds_no_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(exports, "TAKE_S", 0.0)
-    monkeypatch.setattr(exports, "SLOWEST_BYTES_S", 1e9)
+    monkeypatch.setattr(recordings, "TAKE_S", 0.0)
+    monkeypatch.setattr(recordings, "SLOWEST_BYTES_S", 1e9)
     path = tmp_path / "pilot.h5"
     path.write_bytes(b"trials")
-    answer = exports.ExportResponse(path)
+    answer = recordings.ExportResponse(path)
     answer.until_sent = ExitStack()
     answer.until_sent.callback(path.unlink)
     sent: list[Message] = []
@@ -59,7 +59,7 @@ def test_what_a_killed_service_left_is_removed_a_day_later(
         (folder / "pilot.h5").write_bytes(b"trials")
         at_s = time.time() - age_s
         os.utime(folder, (at_s, at_s))
-    exports.remove_left_exports()
+    recordings.remove_left_exports()
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "frictus-export-new",
         "of-another-program",
