@@ -8,7 +8,7 @@ import typer
 from frictus_service.cli import calibrate, experiment, models, pki, serve
 from frictus_service.cli.checks import doctor, selftest
 from frictus_service.cli.options import AsJson, CommandGroup, Workers
-from frictus_service.cli.streams import foxglove, lsl, play, record, replay, track
+from frictus_service.cli.streams import bridges, play, record, replay, track
 from frictus_service.cli.studies import discover, identify, study, study_import
 
 app = typer.Typer(
@@ -91,8 +91,8 @@ for panel, commands in {
         record.verify,
         record.recover,
         replay.replay,
-        lsl.lsl,
-        foxglove.foxglove,
+        bridges.lsl,
+        bridges.foxglove,
     ),
     PEOPLE: (calibrate.calibrate, experiment.experiment),
     STUDIES: (
