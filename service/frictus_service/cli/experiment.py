@@ -92,7 +92,7 @@ def experiment(
         write_events,
     )
     from frictus.experiment.procedures.schedule import begun
-    from frictus_service.experiments.phrasing import result_lines
+    from frictus_service.experiments.report import result_lines
 
     chosen = load_protocol(protocol)
     participant = participant or (OBSERVER if observer else "01")

@@ -2,7 +2,7 @@
 
 from frictus.experiment import ConditionResult
 from frictus.experiment.psychometrics.fitting import Estimate
-from frictus_service.experiments.phrasing import result_lines
+from frictus_service.experiments.report import result_lines
 
 
 def test_a_setting_has_the_unit_of_its_level_and_an_exponent_none() -> None:
