@@ -10,7 +10,7 @@ from frictus.model import Model
 from frictus_hardware.physics.linear import Mount
 from frictus_service.discovery.document import OneRecording
 from frictus_service.discovery.one_recording.analysis import cut, ranked
-from frictus_service.discovery.one_recording.folds import LEAST_FOLDS
+from frictus_service.discovery.one_recording.windows import LEAST_FOLDS
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 EVERY: Final = 100

@@ -24,20 +24,18 @@ from frictus_service.discovery.evidence.observation_table import (
 )
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.inference.mode_shape import SHAPE
-from frictus_service.discovery.one_recording.folds import (
-    LEAST_APART_S,
-    LEAST_FOLDS,
-    TIMES,
-    correlation_time_s,
-    folds_of,
-)
 from frictus_service.discovery.one_recording.phrasing import statement_of
 from frictus_service.discovery.one_recording.ranking import RULE, FittedModel, Ranking, rank
 from frictus_service.discovery.one_recording.repeats import SeenSamples
 from frictus_service.discovery.one_recording.windows import (
+    LEAST_APART_S,
+    LEAST_FOLDS,
     LONG_S,
     MANY_S,
     SHORT_S,
+    TIMES,
+    correlation_time_s,
+    folds_of,
     windows_of,
 )
 from frictus_service.discovery.problem.base_models import simulator_of

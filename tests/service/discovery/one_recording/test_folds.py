@@ -11,12 +11,12 @@ from tests.blind.generator.recording import Recording, make_recording
 
 from frictus_service.discovery.evidence.bands import WINDOW_S
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
-from frictus_service.discovery.one_recording.folds import (
+from frictus_service.discovery.one_recording.windows import (
     LEAST_FOLDS,
     correlation_time_s,
     folds_of,
+    windows_of,
 )
-from frictus_service.discovery.one_recording.windows import windows_of
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
 
