@@ -5,11 +5,9 @@ from importlib.metadata import version
 from typing import Final
 
 import numpy as np
-from scipy import stats
 
 from frictus.model import Effect, Model
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.beyond.beyond import Beyond
 from frictus_service.discovery.beyond.phrasing import characterised_forms, discrepancy_of
 from frictus_service.discovery.catalogue.causes import cause_of, separating_experiment
@@ -18,9 +16,9 @@ from frictus_service.discovery.decision.naming import CauseDecision
 from frictus_service.discovery.decision.prediction_gain import (
     UnexplainedPattern,
     gain_of,
+    rival_costs,
     unseen,
 )
-from frictus_service.discovery.decision.rival_costs import rival_costs
 from frictus_service.discovery.document import (
     Alternative,
     CannotTell,
@@ -29,7 +27,6 @@ from frictus_service.discovery.document import (
     Evidence,
     NamedCause,
     ParameterEstimate,
-    ParticipantValue,
     StudyFacts,
     Unexplained,
     Verdict,
@@ -38,7 +35,6 @@ from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.observation_table import UnitAssignment
 from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
-from frictus_service.discovery.inference.mode_fit import shape_of
 from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import with_refitted_nuisance
 from frictus_service.discovery.problem.base_models import law_with_own
@@ -50,7 +46,12 @@ from frictus_service.discovery.report.figures import (
     residual_bins,
     rests_of,
 )
-from frictus_service.discovery.report.mode_parameters import with_mode_intervals
+from frictus_service.discovery.report.parameters import (
+    accepted,
+    notes_on_bounds,
+    parameter_of,
+    parameters_of,
+)
 
 POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""
@@ -104,7 +105,12 @@ class Assembly:
         self._study, self._seed, self._notes = study, seed, notes
         self._sure = [each for each in found.named if not each.alike]
         self._unsure = [each for each in found.named if each.alike]
-        self._chosen = [each.candidate for each in self._sure if each.in_model]
+        self._parameters = {
+            each.candidate: parameters_of(self._problem, found, each, units.names)
+            for each in self._sure
+            if each.in_model
+        }
+        self._chosen = list(self._parameters)
 
     def document(self) -> Discovery:
         """Return the document."""
@@ -138,8 +144,16 @@ class Assembly:
             unseen=tuple(unseen(problem, self._chosen)) if self._chosen else (),
             residuals=tuple(residual_bins(problem, self._rows.tones_hz, before, after)),
             levels=tuple(level_bins(problem, base, extended)),
-            notes=(*self._notes, *self._beyond_bounds()),
+            notes=(
+                *self._notes,
+                *(note for each in self._named() for note in notes_on_bounds(*each)),
+            ),
         )
+
+    def _named(self) -> list[tuple[Candidate, dict[str, ParameterEstimate]]]:
+        """Return the causes in the extended model, with their parameters."""
+        candidates = self._problem.candidates
+        return [(candidates[k], parameters) for k, parameters in self._parameters.items()]
 
     def _model_of(self, effects: Sequence[int]) -> Linearised:
         if tuple(effects) == self._found.effects:
@@ -172,7 +186,7 @@ class Assembly:
             id=cause.id,
             statement=cause.statement,
             verdict=each.verdict,
-            parameters=self._parameters(each) if each.in_model else {},
+            parameters=self._parameters.get(each.candidate, {}),
             p_value=each.p_value,
             gain=gain_of(
                 self._problem,
@@ -228,39 +242,6 @@ class Assembly:
             for other, cosine in self._others(each.alike)
         ]
 
-    def _parameters(self, each: CauseDecision) -> dict[str, ParameterEstimate]:
-        candidate = self._problem.candidates[each.candidate]
-        effect = EFFECTS[candidate.effect]
-        units = {parameter.name: parameter.unit for parameter in effect.parameters}
-        known = each.coefficients[np.isfinite(each.coefficients)]
-        values = _parameter(candidate, known)
-        mean, n = float(values.mean()), values.size
-        error = float(values.std(ddof=1) / np.sqrt(n))
-        # What measuring is wrong by is the same for all: no mean takes it away.
-        best = float(_parameter(candidate, self._found.accuracy[each.candidate]))
-        half = float(np.hypot(stats.t.ppf(0.975, n - 1) * error, best / 2.0))
-        least = 0.0 if candidate.positive else -np.inf
-        estimate = ParameterEstimate(
-            value=max(mean, least),
-            ci95=(max(mean - half, least), max(mean + half, least)),
-            unit=units[candidate.parameter],
-            standard_error=error,
-            per_participant=tuple(
-                ParticipantValue(
-                    participant=unit, value=float(_parameter(candidate, coefficient))
-                )
-                for unit, coefficient in zip(self._units.names, each.coefficients, strict=True)
-                if np.isfinite(coefficient)
-            ),
-        )
-        found = {candidate.parameter: estimate}
-        for name, held in candidate.held:
-            found[name] = ParameterEstimate(value=held, ci95=None, unit=units[name])
-        if candidate.effect == "second_mode":
-            shape = shape_of(self._problem, self._found.extended, each.candidate)
-            return with_mode_intervals(found, candidate.parameter, shape)
-        return found
-
     def _unexplained(self, each: UnexplainedPattern) -> Unexplained:
         tones = self._rows.tones_hz[list(each.tones)]
         band = (
@@ -282,12 +263,8 @@ class Assembly:
             return self._base
         law = law_with_own(self._base.base, self._problem.response, model.own.mean(axis=0))
         effects = [
-            Effect(
-                id=self._problem.candidates[each.candidate].effect,
-                parameters=self._accepted(each),
-            )
-            for each in self._sure
-            if each.in_model
+            Effect(id=candidate.effect, parameters=accepted(candidate, parameters))
+            for candidate, parameters in self._named()
         ]
         if self._beyond.effect is not None:
             id_, values = self._beyond.effect
@@ -308,33 +285,6 @@ class Assembly:
                 },
             }
         )
-
-    def _accepted(self, each: CauseDecision) -> dict[str, float]:
-        """Return the parameters of a cause as a model accepts them."""
-        candidate = self._problem.candidates[each.candidate]
-        bounds = {p.name: (p.low, p.high) for p in EFFECTS[candidate.effect].parameters}
-        return {
-            name: float(np.clip(estimate.value, *bounds[name]))
-            for name, estimate in self._parameters(each).items()
-        }
-
-    def _beyond_bounds(self) -> list[str]:
-        """Return the notes on parameters that no model accepts as they were found."""
-        notes = []
-        for each in self._sure:
-            if not each.in_model:
-                continue
-            effect = self._problem.candidates[each.candidate].effect
-            accepted = self._accepted(each)
-            for name, estimate in self._parameters(each).items():
-                limited = accepted[name]
-                if limited != estimate.value:
-                    notes.append(
-                        f"{effect}: {name} is found at "
-                        f"{estimate.value:.4g}, beyond what a model accepts: "
-                        f"the extended model has {limited:.4g}, and was measured with that."
-                    )
-        return notes
 
     def _evidence(self) -> Evidence:
         people = len(set(self._units.participant))
@@ -380,15 +330,9 @@ class Assembly:
                 id=name,
                 statistic=float(first.t[best]),
                 p_value=float(first.p[best]),
-                detectable={candidate.parameter: float(_parameter(candidate, size))},
+                detectable={candidate.parameter: float(parameter_of(candidate, size))},
             )
         return [tests[name] for name in sorted(tests)]
-
-
-def _parameter(candidate: Candidate, coefficient: FloatArray | float) -> FloatArray:
-    """Return the parameter itself; below 0 where its square came out so."""
-    value = np.asarray(coefficient, dtype=np.float64)
-    return np.sign(value) * np.sqrt(np.abs(value)) if candidate.squared else value
 
 
 _BANDS: Final = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.discovery.decision.rival_costs import MOST_RIVALS, rival_costs
+from frictus_service.discovery.decision.prediction_gain import MOST_RIVALS, rival_costs
 from frictus_service.discovery.inference.linear_model import Unit, held_out_gain, project_out
 from frictus_service.discovery.problem.candidates import Candidate
 
