@@ -160,15 +160,12 @@ class Deskew:
 
     Attributes
     ----------
-    offsets : ndarray, shape (n_channels,)
-        When each channel is taken after the edge, in samples, 0 to 1.
     delay_samples : int
         How many samples later a value appears.
     taps : ndarray, shape (2 delay_samples + 2, n_channels)
         Newest sample first.
     """
 
-    offsets: FloatArray
     delay_samples: int
     taps: FloatArray
 
@@ -207,23 +204,6 @@ class Deskew:
             moved += self.taps[age] * line[past - age : past - age + samples]
         return moved, line[samples:]
 
-    def error_bound(self, frequency_hz: float, sample_rate_hz: float) -> float:
-        """Return the largest error at a frequency, as a share of the amplitude.
-
-        The remainder of interpolation through L points: the product of the distances to them,
-        times the L-th derivative of the signal, over L!.
-
-        Parameters
-        ----------
-        frequency_hz, sample_rate_hz : float
-            Of the signal, and of its samples.
-        """
-        points = self.taps.shape[0]
-        distances = self.delay_samples + self.offsets[:, np.newaxis] - np.arange(points)
-        turn_rad = 2.0 * math.pi * frequency_hz / sample_rate_hz
-        product = float(np.abs(np.prod(distances, axis=1)).max())
-        return float(product * turn_rad**points / math.factorial(points))
-
 
 def deskew(
     offsets_s: ArrayLike, sample_rate_hz: float, delay_samples: int = DELAY_SAMPLES
@@ -254,7 +234,7 @@ def deskew(
     if not 1 <= delay_samples <= 8:
         raise ConfigError(f"delay_samples is {delay_samples}; 1 to 8 is accepted")
     taps = np.array([_lagrange(delay_samples + offset, delay_samples) for offset in offsets]).T
-    return Deskew(offsets, delay_samples, np.ascontiguousarray(taps))
+    return Deskew(delay_samples, np.ascontiguousarray(taps))
 
 
 def _lagrange(delay: float, delay_samples: int) -> Sequence[float]:

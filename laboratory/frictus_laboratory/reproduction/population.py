@@ -41,32 +41,10 @@ class MeasurementSpread:
     between: float
 
 
-def likelihoods(
-    spread: MeasurementSpread, participants: int = PARTICIPANTS, conditions: int = CONDITIONS
-) -> Likelihoods:
-    """Return the -2 log-likelihoods that a spread gives rise to.
-
-    Parameters
-    ----------
-    spread : MeasurementSpread
-        Between and within people.
-    participants, conditions : int
-        Number of participants, and of conditions of each.
-    """
-    count = participants * conditions
-    constant = count * (1.0 + math.log(2.0 * math.pi))
-    within, between = spread.residual**2, spread.between**2
-    clustered = participants * math.log(1.0 + conditions * between / within)
-    return Likelihoods(
-        reduced=constant + count * math.log(within + between),
-        full=constant + count * math.log(within) + clustered,
-    )
-
-
 def spread_of(
     found: Likelihoods, participants: int = PARTICIPANTS, conditions: int = CONDITIONS
 ) -> MeasurementSpread:
-    """Return the spread behind two -2 log-likelihoods, the inverse of `likelihoods`.
+    """Return the spread behind two -2 log-likelihoods.
 
     Parameters
     ----------

@@ -172,15 +172,6 @@ class Path:
         speed: FloatArray = np.hypot(self.velocity_mm_s[:, 0], self.velocity_mm_s[:, 1])
         return speed
 
-    def position_error_mm(self, skip_s: float = 0.3) -> FloatArray:
-        """Return predicted less true position at the start of each block, along x."""
-        first = round(skip_s * self.sample_rate_hz / BLOCK_SAMPLES)
-        at = self.lead_samples + BLOCK_SAMPLES * np.arange(first, len(self.courses))
-        inside = at < self.position_mm.shape[0]
-        predicted = np.array([course.motion.x_mm for course in self.courses[first:]])[inside]
-        error: FloatArray = predicted - self.position_mm[at[inside], 0]
-        return error
-
 
 def walk(
     config: SimulatedConfig,

@@ -6,8 +6,26 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from frictus_laboratory.reproduction.paper import LIKELIHOODS, STIFFNESS_20_N_M, Likelihoods
-from frictus_laboratory.reproduction.population import MeasurementSpread, likelihoods, spread_of
+from frictus_laboratory.reproduction.paper import (
+    CONDITIONS,
+    LIKELIHOODS,
+    PARTICIPANTS,
+    STIFFNESS_20_N_M,
+    Likelihoods,
+)
+from frictus_laboratory.reproduction.population import MeasurementSpread, spread_of
+
+
+def likelihoods(spread: MeasurementSpread) -> Likelihoods:
+    """The -2 log-likelihoods that a spread of the paper's participants gives rise to."""
+    count = PARTICIPANTS * CONDITIONS
+    constant = count * (1.0 + math.log(2.0 * math.pi))
+    within, between = spread.residual**2, spread.between**2
+    clustered = PARTICIPANTS * math.log(1.0 + CONDITIONS * between / within)
+    return Likelihoods(
+        reduced=constant + count * math.log(within + between),
+        full=constant + count * math.log(within) + clustered,
+    )
 
 
 @pytest.mark.parametrize("name", LIKELIHOODS)

@@ -112,9 +112,10 @@ def test_free_strokes_are_followed_better_than_by_the_last_report(
     ours, held = [], []
     for _ in range(3):
         path = walk(SimulatedConfig(finger=HumanStrokes(), seed=int(rng.integers(2**31))), 10.0)
-        ours.append(path.position_error_mm())
         at = path.lead_samples + BLOCK_SAMPLES * np.arange(60, len(path.courses))
         at = at[at < path.position_mm.shape[0]]
+        predicted = np.array([course.motion.x_mm for course in path.courses[60:]])[: at.size]
+        ours.append(predicted - path.position_mm[at, 0])
         # The newest report that has arrived when a block is made; it was measured 30 ms before.
         newest = np.floor((at - LEAD - LATENCY) / PERIOD) * PERIOD
         held.append(path.position_mm[np.ceil(newest).astype(int), 0] - path.position_mm[at, 0])
