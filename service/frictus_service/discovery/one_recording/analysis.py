@@ -26,7 +26,6 @@ from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.inference.mode_shape import SHAPE
 from frictus_service.discovery.one_recording.phrasing import statement_of
 from frictus_service.discovery.one_recording.ranking import RULE, FittedModel, Ranking, rank
-from frictus_service.discovery.one_recording.repeats import SeenSamples
 from frictus_service.discovery.one_recording.windows import (
     LEAST_APART_S,
     LEAST_FOLDS,
@@ -34,6 +33,7 @@ from frictus_service.discovery.one_recording.windows import (
     MANY_S,
     SHORT_S,
     TIMES,
+    SeenSamples,
     correlation_time_s,
     folds_of,
     windows_of,

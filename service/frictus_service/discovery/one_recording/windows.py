@@ -1,7 +1,7 @@
-"""How one recording is cut: into windows in time, and these into folds.
+"""How one recording is cut: into trials that share no sample, windows in time, and folds.
 
-Windows are parts of steady sweeps, each of which speaks for itself; each fold is predicted from
-the others.
+A copy is no second measurement. Windows are parts of steady sweeps, each of which speaks for
+itself; each fold is predicted from the others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,9 +10,11 @@ from datetime import datetime, timedelta
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 from scipy import signal
 
-from frictus_hardware.arrays import IntArray
+from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.discovery.evidence.band_noise import entries_of
 from frictus_service.discovery.evidence.bands import RANGE_HZ, WINDOW_S
 from frictus_service.discovery.evidence.observation_table import (
@@ -37,6 +39,12 @@ LEAST_FOLDS: Final = 3
 TIMES: Final = 3.0
 """Correlation times between windows: what was random in one has fallen to a twentieth."""
 LEAST_APART_S: Final = 0.02
+RUN: Final = 16
+"""Samples of the force that are compared at once: noise of two bits repeats none by chance."""
+LEAST_LEVELS: Final = 4
+"""Different values in a run; one that rests repeats itself."""
+SHARED: Final = 0.01
+"""Of the runs of a trial, from which it is taken to repeat another."""
 
 
 def windows_of(
@@ -165,3 +173,50 @@ def folds_of(windows: Sequence[TrialEvidence], response: ResponseName) -> UnitAs
     people = [one.observed.info.participant for one in windows]
     names = tuple(f"fold {number + 1}" for number in range(count))
     return UnitAssignment(names, (people[0] if people else "",) * count, of_window, "blocks")
+
+
+class SeenSamples:
+    """The force of all trials so far, by which a copy or an overlap is noticed.
+
+    Found wherever it begins, as long as no sample was changed: whole trials under another
+    name, and windows cut from one recording so that they overlap.
+    """
+
+    def __init__(self) -> None:
+        self._runs: dict[str, NDArray[np.uint64]] = {}
+
+    def repeated(self, trial: Trial) -> str:
+        """Return the sentence that refuses a trial, and remember it; empty where it is new.
+
+        Parameters
+        ----------
+        trial : Trial
+            As it was recorded.
+        """
+        runs = _runs(trial.force_n[:, 0])
+        for name, before in self._runs.items():
+            share = float(np.isin(runs, before).mean()) if runs.size else 0.0
+            if share > SHARED:
+                seconds = share * trial.force_n.shape[0] / trial.info.sample_rate_hz
+                return (
+                    f"trial {trial.info.id} holds {seconds:.2g} s of trial {name}, sample for "
+                    "sample: it is no independent measurement and is not used; give each "
+                    "recording once, in windows that do not overlap"
+                )
+        self._runs[trial.info.id] = np.unique(runs)
+        return ""
+
+
+def _runs(force_n: FloatArray) -> NDArray[np.uint64]:
+    """Return a number for each run of samples that varies, equal for equal runs."""
+    if force_n.size < RUN:
+        return np.empty(0, dtype=np.uint64)
+    bits: NDArray[np.uint64] = np.ascontiguousarray(force_n).view(np.uint64)
+    changed = np.concatenate([[0], np.cumsum(bits[1:] != bits[:-1])])
+    lively = changed[RUN - 1 :] - changed[: changed.size - RUN + 1] >= LEAST_LEVELS
+    # Odd factors modulo 2^64: a polynomial hash, whose sums wrap around.
+    factors = np.cumprod(np.full(RUN, 0x9E3779B97F4A7C15, dtype=np.uint64))
+    mixed = bits ^ (bits >> np.uint64(29))
+    hashed: NDArray[np.uint64] = (sliding_window_view(mixed, RUN) @ factors).astype(np.uint64)
+    found: NDArray[np.uint64] = hashed[lively]
+    return found

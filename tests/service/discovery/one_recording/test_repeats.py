@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictus_service.discovery.one_recording.repeats import SeenSamples
+from frictus_service.discovery.one_recording.windows import SeenSamples
 from frictus_service.study.trial import Trial, TrialInfo
 
 RATE_HZ = 20_000.0
