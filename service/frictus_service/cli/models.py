@@ -151,9 +151,16 @@ def publish(
             comment=comment,
         )
     if wants_lines(as_json):
-        write_line(event="published", reference=published.reference, etag=published.etag)
+        write_line(
+            event="published",
+            reference=published.reference,
+            etag=published.etag,
+            message=published.remark,
+        )
     else:
         typer.echo(f"published as {published.reference}")
+        if published.remark:
+            typer.echo(_harmless(published.remark))
 
 
 @models.command()
@@ -312,7 +319,7 @@ def read_model(file: Path) -> "Model":
     try:
         if schema == "discovery/1":
             return _extended_model(file, text)
-        return Model.model_validate_json(text)
+        return Model.model_validate_json(text, strict=True)
     except ValidationError as error:
         raise ArgumentError(
             f"{file} holds no {schema or 'model/1'} document: {explain(error)}"

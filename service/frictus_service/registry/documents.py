@@ -175,14 +175,26 @@ class VersionSummary(_Document):
         """``NAME@VERSION``."""
         return f"{self.name}@{self.version}"
 
-    def remark_on(self, rig: str) -> str:
-        """Return what to say of its use on a rig; empty where it was measured there."""
-        if self.rig in (None, rig):
+    @property
+    def remark(self) -> str:
+        """What to say of its name; empty where it ends with whose model it is."""
+        _, slash, person = self.name.partition("/")
+        if not slash or self.participant in (None, person):
             return ""
         return (
+            f"it is a model of participant {self.participant!r}, though {self.name!r} reads "
+            f"as one of {person!r}: for another finger, activate or publish another name"
+        )
+
+    def remark_on(self, rig: str) -> str:
+        """Return what to say of its use on a rig; empty where nothing is amiss."""
+        if self.rig in (None, rig):
+            return self.remark
+        elsewhere = (
             f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
             "otherwise; calibrate here, or see that both are alike"
         )
+        return "; ".join(filter(None, (self.remark, elsewhere)))
 
 
 class Published(VersionSummary):

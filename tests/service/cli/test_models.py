@@ -61,6 +61,7 @@ def test_publish_list_show(models: Any, document: Path, tmp_path: Path) -> None:
     for version in (1, 2):
         (said,) = models("publish", document, "--comment", "by hand")
         assert said["reference"] == f"fake/P01@{version}"
+    assert said["message"] == ""
     models("publish", document, "--name", "other/P01", "--rig", "other")
     assert (tmp_path / "own.db").exists()  # beside the configuration
     listed = models("list")
@@ -69,6 +70,15 @@ def test_publish_list_show(models: Any, document: Path, tmp_path: Path) -> None:
     (shown,) = models("show", "fake/P01@1")
     assert shown["model"]["base"] == MODEL["base"]
     assert shown["comment"] == "by hand"
+
+
+def test_a_name_that_reads_as_another_participant_is_remarked_on(
+    models: Any, document: Path
+) -> None:
+    (said,) = models("publish", document, "--name", "fake/P02")
+    assert "model of participant 'P01', though 'fake/P02' reads as" in said["message"]
+    (said,) = models("publish", document, "--name", "population")
+    assert said["message"] == ""
 
 
 def test_the_extended_model_of_a_discovery_is_published_with_its_origin(
