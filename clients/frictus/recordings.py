@@ -231,7 +231,7 @@ def texture_of(text: str) -> Texture:
     """
     adapter: TypeAdapter[Texture] = TypeAdapter(Texture)
     try:
-        return adapter.validate_json(text, extra="forbid")
+        return adapter.validate_json(text, strict=True, extra="forbid")
     except ValidationError as error:
         raise TextureError(f"not a texture: {explain(error)}") from error
 

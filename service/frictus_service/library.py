@@ -200,7 +200,7 @@ def _names_in(folder: Path) -> set[str]:
 
 def _entry(name: str, content: bytes, path: Path, shipped: bool) -> Entry:
     try:
-        texture = _TEXTURE.validate_json(content)
+        texture = _TEXTURE.validate_json(content, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "the document"

@@ -1,5 +1,6 @@
 """What an experiment is: a document that a TOML file holds and every log begins with."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
@@ -192,8 +193,10 @@ def parse_protocol(toml: bytes, source: str) -> Protocol:
         If it is no protocol; the text says where.
     """
     try:
-        # Textures pass over what they do not know; here that would be another stimulus.
-        return Protocol.model_validate(read_toml(toml.decode("utf-8-sig")), extra="forbid")
+        # By way of JSON, whose strict mode still takes whole numbers and arrays. Textures pass
+        # over what they do not know; here that would be another stimulus.
+        as_json = json.dumps(read_toml(toml.decode("utf-8-sig")), default=str)
+        return Protocol.model_validate_json(as_json, strict=True, extra="forbid")
     except ValidationError as error:
         raise ArgumentError(f"{source}: {explain(error)}") from error
     except ValueError as error:  # integers of 4300 digits: no TOMLDecodeError

@@ -130,7 +130,7 @@ def read_model(path: Path | None) -> Model:
     if path is None:
         return placeholder_model()
     try:
-        model = Model.model_validate_json(json_text.read_file(path))
+        model = Model.model_validate_json(json_text.read_file(path), strict=True)
         inverse_of_model(model, Screen())
     except (OSError, ValueError, FrameError, TextureError) as error:
         raise ConfigurationError(f"model_file {path}: {error}") from error

@@ -25,7 +25,7 @@ Positive = Annotated[float, Field(gt=1e-6, lt=1e9, allow_inf_nan=False)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class MappedColumn(_Strict):
@@ -84,7 +84,7 @@ class ColumnMap(_Strict):
     force_n: Positive | None = None
     stage_speed_mm_s: Positive | None = None
     normal_load_n: Positive | None = None
-    tones_hz: Annotated[tuple[Positive, ...], Field(max_length=64)] | None = None
+    tones_hz: Annotated[tuple[Positive, ...], Field(max_length=64, strict=False)] | None = None
     participant: str = Field(default="p01", min_length=1, max_length=100)
     session: int = Field(default=1, ge=0, lt=10_000)
     started_utc: str = Field(default="", max_length=64)

@@ -286,7 +286,8 @@ def _checked_scene(document: object) -> "frictus.Scene":
     from frictus.errors import TextureError, explain
 
     try:
-        return frictus.Scene.model_validate(document, extra="forbid")
+        as_json = json.dumps(document)
+        return frictus.Scene.model_validate_json(as_json, strict=True, extra="forbid")
     except ValidationError as error:
         raise TextureError(f"not a scene: {explain(error)}") from error
 

@@ -93,7 +93,7 @@ def read_design(path: Path) -> FactorialDesign:
         If there is no such file, or it is no `design/1`.
     """
     try:
-        return FactorialDesign.model_validate_json(json_text.read_file(path))
+        return FactorialDesign.model_validate_json(json_text.read_file(path), strict=True)
     except FileNotFoundError as error:
         raise DesignError(
             f"no design {str(path)!r}; accepted: a study file, or a design/1 file (.json)"

@@ -152,7 +152,7 @@ def _friction(cutoff_0_hz: float, slope: float) -> Model:
 
 def _read(path: Path) -> Model:
     try:
-        return Model.model_validate_json(json_text.read_file(path))
+        return Model.model_validate_json(json_text.read_file(path), strict=True)
     except FileNotFoundError as error:
         raise BaseModelError(
             f"no base model {str(path)!r}; accepted: paper, constant-cutoff, or a model/1 file"
