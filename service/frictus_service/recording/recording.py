@@ -193,6 +193,10 @@ GONE_S: Final = 60.0
 """A rig that has vanished may come back within this time, as one that is started again does;
 then the recording ends."""
 SUFFIX: Final = ".mcap"
+ASTRAY: Final = (
+    "{} is no longer the file that was written: somebody has moved, deleted, shortened or "
+    "replaced it while it was recorded. Start another recording"
+)
 _LOG: Final = logging.getLogger(__name__)
 SECRETS: Final[dict[str, bool | set[str]]] = {
     "api": {"tokens"},
@@ -282,6 +286,9 @@ class RecordingSession:
         """
         if self._ended:
             return
+        if not self._writer.in_place:
+            self.end("its file was taken away")
+            return
         with self._finished_by_failure():
             self._follow_presence()
             self._intake.drain_into(self._writer, self._utc_ns())
@@ -300,10 +307,11 @@ class RecordingSession:
         """Write what has come, and finish the file. Ending twice is harmless."""
         if self._ended:
             return
+        astray = None if self._writer.in_place else ASTRAY.format(self.path)
         with self._finished_by_failure():
             self._intake.drain_into(self._writer, self._utc_ns())
-            self._writer.end(reason, self._utc_ns())
-            self._finish(None)
+            self._writer.end(reason, self._utc_ns(), self._monotonic_s() - self._begun_s)
+            self._finish(astray)
 
     def state(self) -> RecordingState:
         """Return what is to be told of it."""

@@ -95,6 +95,8 @@ class EndNote(Note):
     utc_ns: int
     reason: str
     streams: dict[str, StreamTotal]
+    seconds: float | None = None
+    """How long it was recorded, whatever was done to the clock; None: nobody said."""
 
 
 NOTES: Final[dict[str, type[Note]]] = {

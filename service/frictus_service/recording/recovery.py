@@ -112,4 +112,5 @@ def _end_of(path: Path, summary: RecordingSummary) -> EndNote:
             )
             for name, one in summary.streams.items()
         },
+        seconds=summary.ending.clean_s,
     )

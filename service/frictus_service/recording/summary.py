@@ -15,6 +15,7 @@ from frictus.model import Compensation
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
 from frictus_service.recording.recording import SUFFIX
 from frictus_service.recording.records import (
+    END,
     STREAM_NAMES,
     EndNote,
     GapNote,
@@ -93,9 +94,14 @@ def _length_s(path: Path, size: int, modified_s: float) -> float | None:
     """Return a file's length; `size` and `modified_s` make what is kept that of this file."""
     try:
         with path.open("rb") as file:
-            summary = make_reader(file).get_summary()
+            reader = make_reader(file)
+            summary = reader.get_summary()
+            for _, _, end in reader.iter_messages(topics=[END]):
+                if (seconds := EndNote.model_validate_json(end.data).seconds) is not None:
+                    return seconds
     except (OSError, McapError, ValueError, struct.error):
         return None
+    # Of an older recorder. By the clock, which somebody may have set meanwhile.
     statistics = None if summary is None else summary.statistics
     if summary is None or statistics is None or statistics.message_count == 0:
         return None

@@ -92,7 +92,7 @@ class RecordingWriter:
         self._sequences: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._flushed_s = self._synced_s = monotonic_s()
-        self._size = 0
+        self._size = self._handed_over = 0
         self._file = create(path)
         self._writer: Any = Writer(
             self._file,
@@ -113,6 +113,15 @@ class RecordingWriter:
     def bytes_written(self) -> int:
         """Size of the file so far."""
         return self._size if self._file.closed else self._file.tell()
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the file still bears its name, and holds what was handed over."""
+        try:
+            named, open_one = self.path.stat(), os.fstat(self._file.fileno())
+        except OSError:
+            return False
+        return os.path.samestat(named, open_one) and open_one.st_size >= self._handed_over
 
     def block(self, block: Block) -> None:
         """Write a block; it may wait up to 0.1 s for company."""
@@ -157,18 +166,22 @@ class RecordingWriter:
             return True
         if now_s - self._flushed_s >= FLUSH_S:
             with self._explained():
-                self._writer.flush()
+                self._hand_over()
             self._flushed_s = now_s
         return False
 
     def sync(self) -> None:
         """Have the disk keep everything that was written so far."""
         with self._explained():
-            self._writer.flush()
+            self._hand_over()
             os.fsync(self._file.fileno())
         self._flushed_s = self._synced_s = self._monotonic_s()
 
-    def end(self, reason: str, utc_ns: int) -> None:
+    def _hand_over(self) -> None:
+        self._writer.flush()
+        self._handed_over = self._file.tell()
+
+    def end(self, reason: str, utc_ns: int, seconds: float | None = None) -> None:
         """Finish the file: the last messages, the index, and a sync.
 
         Parameters
@@ -177,11 +190,13 @@ class RecordingWriter:
             Why it ends.
         utc_ns : int
             Now.
+        seconds : float or None
+            How long it was recorded, by a clock that nobody sets.
         """
         with self._explained():
             for coalescer in self._coalescers.values():
                 self._write(coalescer.flush())
-            note = EndNote(utc_ns=utc_ns, reason=reason, streams=self.totals)
+            note = EndNote(utc_ns=utc_ns, reason=reason, streams=self.totals, seconds=seconds)
             self._message(END, note.to_json(), utc_ns)
             self._writer.finish()
             self._file.flush()

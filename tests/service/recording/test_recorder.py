@@ -3,6 +3,7 @@
 import json
 import os
 import queue
+import shutil
 import signal
 import sys
 import time
@@ -35,7 +36,7 @@ from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recording import RecordingSession
 from frictus_service.recording.records import PresenceNote
 from frictus_service.recording.samples import INT16, Samples
-from frictus_service.recording.summary import RecordingSummary, summarise
+from frictus_service.recording.summary import RecordingSummary, length_s, shelf_entry, summarise
 from frictus_service.recording.tape import export_tape
 
 posix_signals = pytest.mark.skipif(
@@ -450,6 +451,56 @@ def test_killed_recorder_is_started_again_and_says_what_it_left(
     assert summary.faults == ()
     rig.record("after-the-kill")
     assert rig.end_recording().problem is None
+
+
+def test_a_clock_that_is_set_makes_no_recording_longer(
+    service: Service, client: frictus.Client, rig: frictus.Rig, tmp_path: Path
+) -> None:
+    request = RecordRequest(client="me", utc_ns=0, name="set")
+    path = tmp_path / "set.mcap"
+    hours = iter(range(1_000))
+    with RecordingSession(
+        client,
+        rig,
+        request,
+        path,
+        service.config,
+        utc_ns=lambda: time.time_ns() + next(hours) * 3_600 * 10**9,
+    ) as recording:
+        recording.beat()
+    assert length_s(shelf_entry(path)) == pytest.approx(recording.state().seconds, abs=0.1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a file that is open stays there")
+@pytest.mark.parametrize(
+    "take_away",
+    [
+        Path.unlink,
+        lambda path: path.rename(path.with_name("other.mcap")),
+        lambda path: shutil.copy(path, f"{path}.new") and Path(f"{path}.new").replace(path),
+        lambda path: os.truncate(path, 1_000),
+    ],
+)
+def test_a_file_that_is_taken_away_ends_its_recording(
+    service: Service,
+    client: frictus.Client,
+    rig: frictus.Rig,
+    tmp_path: Path,
+    take_away: Callable[[Path], Any],
+) -> None:
+    request = RecordRequest(client="me", utc_ns=0, name="taken")
+    for beats in (0, 2):  # what ends at once says so, too
+        path = tmp_path / f"{beats}.mcap"
+        with RecordingSession(client, rig, request, path, service.config) as recording:
+            recording.beat()
+            assert recording.state().problem is None
+            take_away(path)
+            for _ in range(beats):
+                recording.beat()
+            assert recording.ended == (beats > 0)
+        told = recording.state().problem
+        assert told is not None
+        assert f"{beats}.mcap is no longer the file that was written" in told
 
 
 @posix_signals

@@ -192,3 +192,10 @@ def test_its_length_counts_from_its_beginning_not_from_what_held_before(
         writer.end("asked for", writer.info.started_utc_ns + 2 * 10**9)
     (found,) = shelved(tmp_path)
     assert length_s(found) == pytest.approx(2.0)
+
+
+def test_its_length_is_not_that_of_a_clock_that_was_set(tmp_path: Path, known: Any) -> None:
+    with opened(tmp_path / "a.mcap", known) as writer:
+        writer.end("asked for", writer.info.started_utc_ns + 3_600 * 10**9, 6.5)
+    (found,) = shelved(tmp_path)
+    assert length_s(found) == 6.5
