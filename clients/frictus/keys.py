@@ -163,7 +163,7 @@ CALLS: Final = {
     "reset": "Request",
     "scene": "SceneRequest",
     "open_stream": "OpenStreamRequest",
-    "close_stream": "Request",
+    "close_stream": "CloseStreamRequest",
     "model": "ModelRequest",
     "adaptation": "AdaptationRequest",
     "adapt": "AdaptRequest",

@@ -17,7 +17,7 @@ import zenoh
 from numpy.typing import ArrayLike, NDArray
 
 from frictus.calls import Caller
-from frictus.errors import ArgumentError, FrameError, LinkError, RefusedError
+from frictus.errors import ArgumentError, FrameError, LinkError, NoRigError, RefusedError
 from frictus.keys import Topics
 from frictus.lease import stream_end
 from frictus.messages import Applied, RigStatus
@@ -33,6 +33,8 @@ MAX_SAMPLES: Final = 4096
 MAX_FRAME_BYTES: Final = HEADER_BYTES + 4 * MAX_SAMPLES
 MAX_TTL_MS: Final = 60_000
 SPATIAL, TEMPORAL = 0, 1
+ENDED: Final = ("not_owner", "not_armed", "tripped")
+"""Refusals which say that a stream has ended; the rig's status may come later."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,16 +366,17 @@ class TextureStream:
         Raises
         ------
         RefusedError, NoRigError, LinkError
-            As for every call; a stream that the rig ended first is no error.
+            As for every call; a stream that has ended before is no error.
         """
         publisher, self._publisher = self._publisher, None
         if publisher is None:
             return
         publisher.undeclare()  # type: ignore[no-untyped-call]
         try:
-            self._caller.call("close_stream")
-        except RefusedError as error:
-            if error.code not in ("not_owner", "not_armed", "tripped"):
+            self._caller.call("close_stream", ticket=self._ticket)
+        except (RefusedError, NoRigError, LinkError) as error:
+            over = isinstance(error, RefusedError) and error.code in ENDED
+            if not over and self.ended is None:
                 raise
 
     def __enter__(self) -> Self:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from frictus.errors import LinkError
+from frictus.errors import LeaseLostError, LinkError, NoRigError, RefusedError
 from frictus.keys import RigKeys, Topics
 from frictus.messages import Reply
 from frictus.stream import StreamFrame, TextureStream
@@ -77,3 +77,23 @@ def test_a_stream_that_is_closed_while_it_sends_says_so() -> None:
         with pytest.raises(LinkError, match="not sent"):
             stream.send(Closing(stream), period_mm=2.0)
         assert (stream.closed, stream.sent) == (True, 0)
+
+
+@pytest.mark.parametrize(
+    "refusal", [RefusedError("stale", "3600 s old"), NoRigError("gone"), LinkError("no router")]
+)
+def test_a_stream_that_is_known_to_have_ended_closes_without_an_error(
+    refusal: Exception,
+) -> None:
+    def refuse(name: str, **_: Any) -> Reply:
+        raise refusal
+
+    for ended in (False, True):
+        with opened() as (stream, _):
+            stream._caller.call = refuse  # type: ignore[method-assign,assignment]
+            if ended:
+                stream.fail(LeaseLostError("stopped"))
+                stream.close()
+            else:
+                with pytest.raises(type(refusal)):
+                    stream.close()

@@ -52,6 +52,13 @@ class OpenStreamRequest(Request):
     peak_n: RmsFriction
 
 
+class CloseStreamRequest(Request):
+    """End the streamed texture; harmless where it has ended, and another is played."""
+
+    ticket: Count | None = None
+    """Of the stream; null: whichever is open."""
+
+
 class ModelRequest(Request):
     """Replace the active friction model; only while disarmed."""
 

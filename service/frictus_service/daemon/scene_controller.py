@@ -9,11 +9,11 @@ from typing import Final
 
 from frictus.errors import ArgumentError, RefusedError, TextureError
 from frictus.messages import (
+    CloseStreamRequest,
     CompensationRequest,
     ExciteRequest,
     OpenStreamRequest,
     Reply,
-    Request,
     SceneRequest,
     SceneState,
 )
@@ -253,8 +253,8 @@ class SceneController:
         self._orders.scene.append(SceneUpdate(compiled, arming=arming))
         return Reply(ok=True, etag=state.etag, applied=state.applied)
 
-    def close_stream(self, request: Request) -> Reply:
-        """End the stream and fade to the standing scene; harmless where none is open.
+    def close_stream(self, request: CloseStreamRequest) -> Reply:
+        """End the stream and fade to the standing scene; harmless where it is not open.
 
         Raises
         ------
@@ -262,7 +262,7 @@ class SceneController:
             `not_owner`.
         """
         self.check_owner(request.client)
-        if self._stream is not None:
+        if self._stream is not None and request.ticket in (None, self._stream.ticket):
             self._stream = self._guest = None
             self._orders.scene.append(SceneUpdate(self._standing_scene))
         return Reply(ok=True, etag=self._standing.etag)

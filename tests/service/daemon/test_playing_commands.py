@@ -120,6 +120,15 @@ def test_an_excitation_ends_a_stream(desk: Desk) -> None:
     assert desk.stage.scene.source == "excitation"
 
 
+def test_a_stream_that_has_ended_takes_no_other_with_it(desk: Desk) -> None:
+    first = desk.streaming()
+    second = desk.call("open_stream", peak_n=0.05).ticket
+    assert desk.call("close_stream", ticket=first).ok
+    assert desk.stage.scene.etag == f"stream-{second}"
+    assert desk.call("close_stream", ticket=second).ok
+    assert not desk.stage.stream_open
+
+
 class Participant:
     """A backend whose virtual finger follows guidance."""
 
