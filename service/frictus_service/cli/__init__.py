@@ -3,11 +3,28 @@
 What a command needs is imported when it runs, so that `frictus --help` answers at once.
 """
 
+import os
+import sys
+
 
 def main() -> None:
     """Run the command line of this process."""
+    open_standard_streams()
     from frictus_service.cli.app import app
     from frictus_service.processes import quiet_numerics
 
     quiet_numerics()
     app()
+
+
+def open_standard_streams() -> None:
+    """Put nothing in place of a standard stream that whoever started us has closed.
+
+    The next file that is opened, a recording or the database, would take its number, and what
+    parts print would be written into it.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free: that of the name
+            os.set_inheritable(number, True)
+            setattr(sys, name, open(number, mode, encoding="utf-8"))

@@ -3,6 +3,7 @@
 import errno
 import getpass
 import json
+import os
 import sys
 from dataclasses import dataclass
 from enum import IntEnum
@@ -94,6 +95,8 @@ def sentence_of(error: Exception) -> str:
     from frictus.errors import FrictusError, RefusedError
     from frictus_service.errors import ServiceError
 
+    if isinstance(error, FileNotFoundError) and _folder_is_gone():
+        return "the folder in which this was started is there no more: change to another"
     if isinstance(error, FileNotFoundError) and error.filename is not None:
         return f"there is no file or folder {error.filename}"
     if isinstance(error, IsADirectoryError) and error.filename is not None:
@@ -105,6 +108,14 @@ def sentence_of(error: Exception) -> str:
     if isinstance(error, FrictusError | ServiceError | OSError):
         return str(error)
     return f"unexpected {type(error).__name__}: {error}; --debug shows where"
+
+
+def _folder_is_gone() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _reflow(group: TyperGroup) -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -344,6 +345,26 @@ def test_parts_that_are_not_wanted_are_not_started(
     monkeypatch.setattr("frictus_service.daemon.processes.serve.serve", serve)
     assert run("serve", "-c", file, "--json").exit_code == Exit.OK
     assert started == [("rig", "recorder")]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no shell that closes streams there")
+def test_a_standard_stream_that_is_closed_is_no_fault(tmp_path: Path) -> None:
+    """And its number is not that of the database, into which parts would print."""
+    quoted = shlex.join(command("models", "list"))
+    for closed in (">&-", "2>&-", "<&-", "<&- >&- 2>&-"):
+        shell = f"{quoted} {closed}"
+        done = subprocess.run(shell, shell=True, cwd=tmp_path, capture_output=True, check=False)
+        assert (done.returncode, done.stderr) == (Exit.OK, b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a folder in use stays there")
+def test_a_folder_that_is_gone_is_said_to_be(tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    shell = f"rmdir {gone}; {shlex.join(command('models', 'list'))}"
+    done = subprocess.run(shell, shell=True, cwd=gone, capture_output=True, check=False)
+    assert done.returncode == Exit.USAGE
+    assert b"change to another" in done.stderr
 
 
 def test_usage_errors_are_2() -> None:
