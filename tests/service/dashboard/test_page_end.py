@@ -1,6 +1,7 @@
 """The end of a page, and what may come between: no fault of one part keeps the others up."""
 
 import asyncio
+import gc
 import threading
 from types import SimpleNamespace
 from typing import Any, Final
@@ -250,6 +251,34 @@ def test_a_stream_ends_whatever_a_call_ended_with() -> None:
 
     asyncio.run(scene())
     assert stream.closed
+
+
+def test_a_refusal_that_nobody_waits_for_is_no_fault_in_the_log() -> None:
+    begun, ends = threading.Event(), threading.Event()
+    faults: list[dict[str, Any]] = []
+
+    def refuse(peak_n: float) -> Any:
+        begun.set()
+        assert ends.wait(10.0)
+        raise RefusedError("not_armed", "arm first")
+
+    rig = SimpleNamespace(open_stream=refuse, close=lambda: None)
+
+    async def scene() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
+        rendering = Rendering(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        calls = asyncio.create_task(rendering.run_calls())
+        rendering.call(OpenStream(op="open_stream", rig="rig1", peak_n=0.1))
+        await asyncio.to_thread(begun.wait, 10.0)
+        calls.cancel()  # the page has gone
+        closing = asyncio.create_task(rendering.close())
+        await asyncio.sleep(0)
+        ends.set()
+        await closing
+
+    asyncio.run(scene())
+    gc.collect()  # of what nobody has looked at
+    assert faults == []
 
 
 def test_each_part_that_sends_finds_a_page_gone_that_broke_off() -> None:

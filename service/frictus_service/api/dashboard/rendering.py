@@ -198,7 +198,8 @@ class Rendering:
         """End the stream that is open, or about to be."""
         for under_way in (self._calling, self._publishing):
             if under_way is not None:
-                await asyncio.wait([under_way])  # whatever it ends with
+                # Whatever it ends with: what is not looked at goes to the log as a fault.
+                await asyncio.gather(asyncio.shield(under_way), return_exceptions=True)
         if self._opened is not None:
             await self._end("")
 
