@@ -15,6 +15,7 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
+from frictus.errors import UnreadableFileError
 from frictus.keys import RESERVED
 from frictus.textures import Texture
 from frictus_service import json_text
@@ -106,11 +107,16 @@ class TextureLibrary:
         """
         check_name(name)
         for folder, shipped in ((self._shipped, True), (self._folder, False)):
-            try:
-                content = json_text.read_file(folder / f"{name}.json")
-            except FileNotFoundError:
+            path = folder / f"{name}.json"
+            if not path.is_file():
                 continue
-            return _entry(name, content, folder / f"{name}.json", shipped)
+            try:
+                content = json_text.read_file(path)
+            except FileNotFoundError:  # deleted since
+                continue
+            except UnreadableFileError as error:
+                raise DamagedTextureError(f"{path.name} of the library: {error}") from error
+            return _entry(name, content, path, shipped)
         held = self.names()
         few = ", ".join(held[:NAMED_IN_ERRORS]) + (", …" if len(held) > NAMED_IN_ERRORS else "")
         raise UnknownTextureError(f"no texture {name!r} in the library; it holds {few}")
@@ -194,7 +200,7 @@ def check_name(name: str) -> None:
 
 
 def _names_in(folder: Path) -> set[str]:
-    names = {path.stem for path in folder.glob("*.json")}
+    names = {path.stem for path in folder.glob("*.json") if path.is_file()}
     return {name for name in names if _NAME.fullmatch(name) and not RESERVED.fullmatch(name)}
 
 

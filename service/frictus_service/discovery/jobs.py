@@ -227,9 +227,9 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         """
         folder = self._studies.resolve()
         try:
-            path = (folder / name).resolve()
-            if path.is_relative_to(folder) and path.exists():
-                return path
+            path = folder / name
+            if path.is_file() and (real := path.resolve()).is_relative_to(folder):
+                return real
         except OSError as error:
             if error.errno != errno.ENAMETOOLONG:
                 raise
@@ -246,7 +246,9 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         found = {}
         for path in (*folder.glob("*.h5"), *folder.glob("*/study.h5")):
             name = path.relative_to(folder).as_posix()
-            if _NAME.fullmatch(name) and path.resolve().is_relative_to(folder):
+            # A pipe or a link to itself that is called like one is no study.
+            wanted = _NAME.fullmatch(name) and path.is_file()
+            if wanted and path.resolve().is_relative_to(folder):
                 found[name] = path
         return found
 

@@ -48,9 +48,12 @@ class Shelved:
 
 
 def shelved(folder: Path) -> list[Shelved]:
-    """Return the recordings of a folder, the newest first; none where there is no folder."""
+    """Return the recordings of a folder, the newest first; none where there is no folder.
+
+    What is no file, such as a folder or a pipe that is called like one, is left out.
+    """
     found = []
-    for path in folder.glob(f"*{SUFFIX}"):
+    for path in filter(Path.is_file, folder.glob(f"*{SUFFIX}")):
         try:
             found.append(shelf_entry(path))
         except FileNotFoundError:
