@@ -28,7 +28,7 @@ from frictus_hardware.replay.tape import read_tape
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.api.server import build_app
 from frictus_service.cli.app import app
-from frictus_service.cli.streams.record import lines_of
+from frictus_service.cli.streams.record import interruption, lines_of
 from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
@@ -397,6 +397,24 @@ def test_rest(service: Service, rig: frictus.Rig) -> None:
         assert api.post("/v1/rigs/absent/recordings", json={"name": "a"}).status_code == 404
         assert api.post("/v1/rigs/absent/recording/stop").status_code == 404
     assert summary_of(service.config.recordings / "by-rest.mcap").sound
+
+
+@posix_signals
+def test_a_recording_is_finished_whatever_ends_its_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        before = signal.getsignal(number)
+        with interruption() as interrupted:
+            signal.raise_signal(number)
+        assert interrupted == [number]
+        assert signal.getsignal(number) is before
+    monkeypatch.setattr(signal, "getsignal", lambda _: signal.SIG_IGN)
+    taken: list[int] = []
+    monkeypatch.setattr(signal, "signal", lambda number, _: taken.append(number))
+    with interruption():
+        pass
+    assert signal.SIGHUP not in taken  # `nohup` has it ignored
 
 
 def test_command_line(service: Service, rig: frictus.Rig, tmp_path: Path) -> None:

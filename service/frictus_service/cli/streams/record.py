@@ -142,13 +142,20 @@ def _record_here(
 
 @contextlib.contextmanager
 def interruption() -> Iterator[list[int]]:
-    """Give a list that Ctrl-C fills, instead of ending what goes on."""
+    """Give a list that Ctrl-C, SIGTERM or a closed terminal fills, and ends nothing else."""
     interrupted: list[int] = []
-    former = signal.signal(signal.SIGINT, lambda number, _frame: interrupted.append(number))
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)  # else nohup holds it off
+    former = {
+        each: signal.signal(each, lambda number, _frame: interrupted.append(number))
+        for each in numbers
+    }
     try:
         yield interrupted
     finally:
-        signal.signal(signal.SIGINT, former)
+        for number, handler in former.items():
+            signal.signal(number, handler)
 
 
 def _note(line: str) -> None:
