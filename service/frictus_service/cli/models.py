@@ -16,6 +16,7 @@ from frictus_service.cli.options import (
     wants_lines,
     whoever_asks,
     write_line,
+    write_out,
 )
 
 if TYPE_CHECKING:
@@ -294,9 +295,9 @@ def export(
     if file.suffix == ".mat":
         from frictus_service.registry.documents import to_mat
 
-        file.write_bytes(to_mat(found))
+        write_out(file, to_mat(found))
     else:
-        file.write_bytes(found.model.to_json())
+        write_out(file, found.model.to_json())
 
 
 def read_model(file: Path) -> "Model":

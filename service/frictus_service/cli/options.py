@@ -259,6 +259,51 @@ class TargetRig:
             ) from error
 
 
+def check_out(out: Path | None, *read: Path) -> None:
+    """Refuse a file for a result before there is one that could not be written, or would harm.
+
+    Parameters
+    ----------
+    out : Path or None
+        As ``--out`` says.
+    read : Path
+        Files that the command reads; they need not be there.
+
+    Raises
+    ------
+    ArgumentError
+        If it is in no folder, is a folder, or is what is read.
+    """
+    from frictus.errors import ArgumentError
+
+    if out is None:
+        return
+    if not out.parent.is_dir():
+        raise ArgumentError(f"--out {out}: there is no folder {out.parent}")
+    if out.is_dir():
+        raise ArgumentError(f"--out {out}: that is a folder; give a file")
+    if any(out.exists() and each.exists() and out.samefile(each) for each in read):
+        raise ArgumentError(f"--out {out}: it is what is read, and would be lost; give another")
+
+
+def write_out(out: Path, content: bytes) -> None:
+    """Write a result, whole or not at all; a pipe or a device takes it as it comes.
+
+    Parameters
+    ----------
+    out : Path
+        As `check_out` accepts it; what stands there is replaced.
+    content : bytes
+        Of the file.
+    """
+    from frictus_service.durable import replace_file
+
+    if out.exists() and not out.is_file():
+        out.write_bytes(content)
+    else:
+        replace_file(out.resolve(), content)
+
+
 def whoever_asks() -> str:
     """Return who runs the command, as the registry notes it."""
     try:

@@ -15,6 +15,9 @@ LONG = "a" + ".a" * 50_000 + " = 1\n"
 RECORDING = "time [s],Fx [N],Fz [N],x [mm]\n" + "".join(
     f"{k / 2000:.4f},0.1,0.4,{10 + k / 25:.2f}\n" for k in range(2000)
 )
+DESIGN = (
+    """{"participants": 4, "tones_hz": [40, 120], "speeds_mm_s": [40, 80], "forces_n": [0.4]}"""
+)
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names there")
 
@@ -175,3 +178,29 @@ def test_what_a_file_calls_itself_does_not_reach_the_terminal(
     assert "\x1b" not in said
     assert "\u202e" not in said
     assert r"\x1b[2J\u202e" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "content"),
+    [
+        ("plan", "design.json", DESIGN),
+        ("mount", "blows.npy", "no blows"),
+        ("track", "pilot.mcap", "no recording"),
+    ],
+)
+def test_what_is_read_is_not_written_over(
+    command: str, name: str, content: str, tmp_path: Path
+) -> None:
+    file = tmp_path / name
+    file.write_text(content)
+    (tmp_path / "other").symlink_to(file)
+    for out, why in (
+        (file, "it is what is read"),
+        (tmp_path / "other", "it is what is read"),
+        (tmp_path, "that is a folder"),
+        (tmp_path / "none" / "x", "there is no folder"),
+    ):
+        code, said = run(command, file, "--out", out)
+        assert code == Exit.USAGE
+        assert why in said
+    assert file.read_text() == content

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from frictus_service.cli.options import AsJson, ConfigFile, Exit, wants_lines, write_line
+from frictus_service.cli.options import (
+    AsJson,
+    ConfigFile,
+    Exit,
+    check_out,
+    wants_lines,
+    write_line,
+    write_out,
+)
 
 if TYPE_CHECKING:
     from frictus_hardware import BackendConfig
@@ -45,8 +53,7 @@ def selftest(
     loaded = load(config)
     lines = wants_lines(as_json)
     interactive = not lines and not yes and sys.stdin.isatty()
-    if out is not None and not out.parent.is_dir():
-        raise FileNotFoundError(f"--out {out}: there is no folder {out.parent}")
+    check_out(out)
     begun_utc_ns = time.time_ns()
     done = []
     for outcome in _outcomes(loaded, yes, interactive):
@@ -63,7 +70,7 @@ def selftest(
             "verdict": verdict,
             "tests": [asdict(outcome) for outcome in done],
         }
-        out.write_text(json.dumps(report, indent=2, allow_nan=False), encoding="utf-8")
+        write_out(out, json.dumps(report, indent=2, allow_nan=False).encode())
     if verdict == "fail":
         raise typer.Exit(Exit.CHECK_FAILED)
 

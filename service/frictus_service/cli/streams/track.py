@@ -16,8 +16,10 @@ from frictus_service.cli.options import (
     Seconds,
     SiteOption,
     TargetRig,
+    check_out,
     wants_lines,
     write_line,
+    write_out,
 )
 
 if TYPE_CHECKING:
@@ -63,6 +65,7 @@ def track(
     The rig is not driven. Where its service tracks already, what that knows is shown; elsewhere
     this command tracks until it ends, and its model follows under the policy `adapt`.
     """
+    check_out(out, *(Path(each) for each in (file, mount) if each is not None))
     if file is None:
         target = TargetRig.of(config, router, site, rig)
         state = _live(target, mount or MOUNT, seconds, as_json)
@@ -78,7 +81,7 @@ def track(
         sys.stdout.write("".join(f"{line}\n" for line in summary_of(state, file is None)))
     if out is not None:
         model = document_of(state, participant)
-        out.write_bytes(model.to_json())
+        write_out(out, model.to_json())
         if wants_lines(as_json):
             write_line(event="model", file=str(out))
         else:

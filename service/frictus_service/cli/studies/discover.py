@@ -12,8 +12,10 @@ from frictus_service.cli.options import (
     RandomSeed,
     Response,
     Workers,
+    check_out,
     wants_lines,
     write_line,
+    write_out,
 )
 from frictus_service.cli.studies.across import finish, folder_of, studies_of
 
@@ -67,6 +69,7 @@ def plan(
     """Say which effects STUDY or DESIGN shows, which look alike, and what to add."""
     from frictus_service.discovery.plan.run import plan_file
 
+    check_out(out, source, Path(base))
     found = plan_file(
         source,
         response=response,
@@ -78,7 +81,7 @@ def plan(
         tell=_tell_plan,
     )
     if out is not None:
-        out.write_bytes(found.to_json())
+        write_out(out, found.to_json())
     if wants_lines(as_json):
         write_line(**found.model_dump(mode="json", by_alias=True))
     else:

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.options import AsJson, Workers, wants_lines, write_line
+from frictus_service.cli.options import (
+    AsJson,
+    Workers,
+    check_out,
+    wants_lines,
+    write_line,
+    write_out,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -222,6 +229,7 @@ def mount(
 
     if len({path.resolve() for path in recordings}) < len(recordings):
         raise typer.BadParameter("a recording is given twice; it would count as two")
+    check_out(out, *recordings)
     each = []
     for path in recordings:
         blows = read_impacts(path, rate_hz)
@@ -251,12 +259,11 @@ def _holds_for(count: int, found: "list[Resonance]", most: int) -> str:
 
 def _write_mount(out: Path, found: "list[Resonance]") -> None:
     from frictus_hardware.physics.linear import second_order
-    from frictus_service.durable import replace_file
 
     strongest = max(found, key=lambda each: each.level_db)
     lateral = second_order(strongest.frequency_hz, strongest.damping_ratio)
     document = {"lateral": asdict(lateral), "resonances": [asdict(each) for each in found]}
-    replace_file(out, (json.dumps(document, indent=2) + "\n").encode())
+    write_out(out, (json.dumps(document, indent=2) + "\n").encode())
     _tell(
         f"{out}: the mount resonates at {strongest.frequency_hz:.1f} Hz, its gain at rest is 1"
     )
