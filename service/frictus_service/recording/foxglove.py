@@ -36,7 +36,7 @@ from frictus_service.recording.records import (
 )
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.segments import check_part
-from frictus_service.recording.writer import create
+from frictus_service.recording.writer import new_file
 
 MAX_MESSAGES: Final = 20_000_000
 """Of one file, which a viewer takes into memory."""
@@ -89,7 +89,7 @@ def export_foxglove(
         begin_ns, end_ns = _part(reader.items(), from_s, to_s)
         content = reader.attachments.get("status.json")
         aux = () if content is None else RigStatus.from_json(content).aux
-        with create(out) as file:
+        with new_file(out) as file:
             writer: Any = Writer(file, CHUNK_BYTES, CompressionType.ZSTD)
             writer.start("", reader.info.software)
             plot = _PlotWriter(writer, aux)

@@ -1,6 +1,5 @@
 """A finished file from a torn one: what can be trusted of it, written anew."""
 
-import os
 import time
 from pathlib import Path
 from typing import Any, Final
@@ -8,12 +7,11 @@ from typing import Any, Final
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from frictus_service.durable import sync_folder
-from frictus_service.errors import NotWrittenError, RecordingError
+from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.records import END, PROFILE, EndNote, RecordScanner, StreamTotal
 from frictus_service.recording.summary import RecordingSummary, summarise
-from frictus_service.recording.writer import create
+from frictus_service.recording.writer import new_file
 
 CHUNK_BYTES: Final = 1_000_000
 _SETTINGS: Final = (CompressionType.NONE, IndexType.ALL)
@@ -47,16 +45,8 @@ def recover(path: Path, out: Path) -> RecordingSummary:
         raise RecordingError(f"{path} is complete, there is nothing to recover")
     if not summary.presence:
         raise RecordingError(f"{path} holds nothing that can be read: {summary.ending.reason}")
-    file = create(out)
-    try:
-        with file:
-            _copy(path, summary, Writer(file, CHUNK_BYTES, *_SETTINGS, enable_data_crcs=True))
-            file.flush()
-            os.fsync(file.fileno())
-        sync_folder(out.parent)
-    except OSError as error:
-        out.unlink(missing_ok=True)
-        raise NotWrittenError(f"{out} cannot be written: {error.strerror or error}") from error
+    with new_file(out) as file:
+        _copy(path, summary, Writer(file, CHUNK_BYTES, *_SETTINGS, enable_data_crcs=True))
     return summary
 
 

@@ -15,7 +15,7 @@ from frictus_service.errors import ExportError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
 from frictus_service.recording.samples import Samples, counts_of
 from frictus_service.recording.segments import Outline, SampleRange
-from frictus_service.recording.writer import create
+from frictus_service.recording.writer import new_file
 
 CHANNELS: Final = {FORCE: 3, ACCEL: 3, VOLTAGE: 1}
 MAX_SAMPLES: Final = 20_000_000
@@ -112,7 +112,7 @@ def export_tape(
         found = _Found(_place(reader.items(), from_s, to_s))
         found.take(reader.items())
         tape = _tape(found, reader.info.name, status, reader.info.converter_steps)
-        with create(out) as file:
+        with new_file(out) as file:
             write_tape(file, tape)
         span = tape.end_sample - tape.first_sample
         missing = span - tape.voltage_v.size

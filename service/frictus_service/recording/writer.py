@@ -7,6 +7,7 @@ process or of the machine costs no more. What was written is never touched again
 import contextlib
 import json
 import os
+import secrets
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +18,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from frictus.block import Block
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
-from frictus_service.durable import sync_folder
+from frictus_service.durable import put_in_free_place, sync_folder
 from frictus_service.errors import NotWrittenError
 from frictus_service.recording.plain_schema import plain_schema
 from frictus_service.recording.records import (
@@ -296,11 +297,44 @@ def create(path: Path) -> BinaryIO:
     try:
         return path.open("xb", buffering=1 << 20)
     except FileExistsError as error:
-        raise NotWrittenError(
-            f"there is a recording {path} already; give this one another name"
-        ) from error
+        raise _taken(path) from error
     except OSError as error:
         raise _not_made(path, error) from error
+
+
+@contextlib.contextmanager
+def new_file(path: Path) -> Iterator[BinaryIO]:
+    """Give a file to write to, which bears its name once the context ends without an error.
+
+    Parameters
+    ----------
+    path : Path
+        What it is to be called; the folders above it are made.
+
+    Raises
+    ------
+    NotWrittenError
+        If the name is taken, or the disk refuses.
+    """
+    if path.exists():
+        raise _taken(path)
+    unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        with create(unfinished) as file:
+            yield file
+        put_in_free_place(unfinished, path)
+    except FileExistsError as error:
+        raise _taken(path) from error
+    except NotWrittenError:  # explained already
+        raise
+    except OSError as error:
+        raise NotWrittenError(f"{path} cannot be written: {error.strerror or error}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _taken(path: Path) -> NotWrittenError:
+    return NotWrittenError(f"there is a recording {path} already; give this one another name")
 
 
 def _not_made(path: Path, error: OSError) -> NotWrittenError:

@@ -1,6 +1,7 @@
 """What a recording holds, what other tools see of it, and what a disk may do to it."""
 
 import contextlib
+import errno
 import json
 import os
 import sys
@@ -22,7 +23,7 @@ from frictus_service.recording.summary import (
     summarise,
     unfinished,
 )
-from frictus_service.recording.writer import FLUSH_S, SYNC_S, RecordingWriter
+from frictus_service.recording.writer import FLUSH_S, SYNC_S, RecordingWriter, new_file
 
 GAP = {"utc_ns": 1, "stream": "force", "run": 5, "reason": "lost"}
 
@@ -199,3 +200,29 @@ def test_its_length_is_not_that_of_a_clock_that_was_set(tmp_path: Path, known: A
         writer.end("asked for", writer.info.started_utc_ns + 3_600 * 10**9, 6.5)
     (found,) = shelved(tmp_path)
     assert length_s(found) == 6.5
+
+
+def test_what_is_made_of_a_recording_bears_its_name_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "made.npz"
+
+    def interrupted() -> None:
+        with new_file(path) as file:
+            file.write(b"a part")
+            file.flush()
+            assert not path.exists()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(NotWrittenError, match=r"made\.npz cannot be written: No space"):
+        with new_file(path) as file:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with new_file(path) as file:
+        file.write(b"whole")
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"whole"]
+    with pytest.raises(NotWrittenError, match="already"), new_file(path):
+        raise AssertionError
+    with pytest.raises(NotWrittenError, match="already"), new_file(tmp_path / "b") as file:
+        (tmp_path / "b").write_bytes(b"of somebody")
+    assert (tmp_path / "b").read_bytes() == b"of somebody"
