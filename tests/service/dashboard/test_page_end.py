@@ -266,7 +266,7 @@ def test_a_refusal_that_nobody_waits_for_is_no_fault_in_the_log() -> None:
 
     async def scene() -> None:
         asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
-        rendering = Rendering(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        rendering = Rendering(Hub(Link(rig), HELD_MS), "page", ignore)  # type: ignore[arg-type]
         calls = asyncio.create_task(rendering.run_calls())
         rendering.call(OpenStream(op="open_stream", rig="rig1", peak_n=0.1))
         await asyncio.to_thread(begun.wait, 10.0)
