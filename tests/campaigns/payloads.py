@@ -145,6 +145,7 @@ def _body(message: str, utc_ns: int, rng: random.Random) -> Tree:
         },
         "SceneRequest": {"scene": draw_scene(rng)},
         "OpenStreamRequest": {"peak_n": rng.uniform(0.01, 0.5)},
+        "CloseStreamRequest": {"ticket": rng.choice([None, 1])},
         "ModelRequest": {"model": draw_model(rng)},
         "AdaptationRequest": {
             "policy": rng.choice(["observe", "suggest", "adapt"]),

@@ -148,6 +148,7 @@ class SweepThird:
         path : TouchMotion
             Of `TouchMotion.within` the sweep.
         sweep : Sweep
+            Which it is a part of.
         begin_s, end_s : float
             Within the sweep, rising.
         number, third : int
