@@ -44,7 +44,8 @@ class Exit(IntEnum):
 def code_of(error: Exception) -> Exit:
     """Return the exit code that stands for an error."""
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
-    from frictus_service.discovery.ring_down import ImpactRecordingError, RingDownError
+    from frictus_service.discovery.impact_recording import ImpactRecordingError
+    from frictus_service.discovery.ring_down import RingDownError
     from frictus_service.errors import (
         BaseModelError,
         CalibrationError,

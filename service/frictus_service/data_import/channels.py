@@ -300,3 +300,31 @@ def named_channel(name: str) -> Channel | None:
     if plain in BY_NAME:
         return BY_NAME[plain]
     return next((each for each in CHANNELS if re.fullmatch(each.pattern, plain)), None)
+
+
+def channel_of(name: str, unit: str) -> Channel | None:
+    """Return the channel that name and unit stand for; where they differ, the unit decides.
+
+    Parameters
+    ----------
+    name : str
+        As the file has it, without its unit.
+    unit : str
+        One of `UNITS`; empty where none is named.
+    """
+    channel = named_channel(name)
+    if channel is None or not unit:
+        return channel
+    dimension = UNITS[unit].dimension
+    if dimension == channel.dimension or (
+        dimension == "counts" and channel.dimension == "force"
+    ):
+        return channel
+    if channel.name in DRIVES:  # what drives is called alike, whatever is known of it
+        drive = {"voltage": "drive_voltage", "ratio": "drive_fraction"}.get(dimension)
+        return BY_NAME[drive] if drive else None
+    axis = name.strip().lower()[-1:]
+    stem = {"force": "force_", "length": "position_", "acceleration": "accel_"}.get(dimension)
+    if dimension == "speed" and axis == "x":
+        return BY_NAME["velocity_x"]
+    return BY_NAME.get(f"{stem}{axis}") if stem else None

@@ -13,10 +13,10 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.channels import (
     BY_NAME,
-    DRIVES,
     STANDARD_GRAVITY_M_S2,
     UNITS,
     Channel,
+    channel_of,
     find_unit,
     named_channel,
     split_name,
@@ -175,7 +175,7 @@ class _Draft:
         matrix, colon, _ = column.name.rpartition(":")
         if colon and f"{matrix}:7" in self._names:
             return  # of a matrix of trials: a sensor of force and torque has six axes
-        channel = _channel_of(name, unit)
+        channel = channel_of(name, unit)
         if channel is None or not np.isfinite(column.values).any():
             return
         one_sided = 0.0 <= np.nanmin(column.values) < np.nanmax(column.values)
@@ -339,26 +339,6 @@ class _Draft:
                 "no sample rate is given, or several: set rate_hz or time.column and time.unit",
             )
         )
-
-
-def _channel_of(name: str, unit: str) -> Channel | None:
-    """Return the channel that name and unit stand for; where they differ, the unit decides."""
-    channel = named_channel(name)
-    if channel is None or not unit:
-        return channel
-    dimension = UNITS[unit].dimension
-    if dimension == channel.dimension or (
-        dimension == "counts" and channel.dimension == "force"
-    ):
-        return channel
-    if channel.name in DRIVES:  # what drives is called alike, whatever is known of it
-        drive = {"voltage": "drive_voltage", "ratio": "drive_fraction"}.get(dimension)
-        return BY_NAME[drive] if drive else None
-    axis = name.strip().lower()[-1:]
-    stem = {"force": "force_", "length": "position_", "acceleration": "accel_"}.get(dimension)
-    if dimension == "speed" and axis == "x":
-        return BY_NAME["velocity_x"]
-    return BY_NAME.get(f"{stem}{axis}") if stem else None
 
 
 def _fits(channel: Channel, column: Column, factor: float) -> bool:

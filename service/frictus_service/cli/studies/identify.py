@@ -225,7 +225,8 @@ def mount(
     neither that gain nor how others add up, which stand beside it.
     """
     from frictus_service.discovery.between_recordings import between_recordings
-    from frictus_service.discovery.ring_down import estimate_ring_down, read_impacts
+    from frictus_service.discovery.impact_recording import read_impacts
+    from frictus_service.discovery.ring_down import estimate_ring_down
 
     if len({path.resolve() for path in recordings}) < len(recordings):
         raise typer.BadParameter("a recording is given twice; it would count as two")

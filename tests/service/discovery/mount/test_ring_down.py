@@ -10,12 +10,8 @@ from typer.testing import CliRunner
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.cli.app import app
-from frictus_service.discovery.ring_down import (
-    ImpactRecordingError,
-    RingDownError,
-    estimate_ring_down,
-    read_impacts,
-)
+from frictus_service.discovery.impact_recording import ImpactRecordingError, read_impacts
+from frictus_service.discovery.ring_down import RingDownError, estimate_ring_down
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "mount_impacts" / "lateral_data.mat"
 RATE_HZ = 50_000.0
