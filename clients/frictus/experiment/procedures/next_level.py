@@ -101,11 +101,8 @@ class Staircase:
         ArgumentError
             If none is left.
         """
+        _check_rendered(level, self._low)
         step = 10.0 ** (-self._steps_db[-1] / 20.0)
-        if level <= self._low:
-            raise ArgumentError(
-                f"the rig renders none of the levels from {self._low:g} on: lower them"
-            )
         self._high = min(self._high, max(level * step, self._low))
         self.level = min(self.level, self._high)
 
@@ -249,8 +246,13 @@ class ConstantStimuli:
         ArgumentError
             If none is left.
         """
-        if level <= self._lowest:
-            raise ArgumentError(
-                f"the rig renders none of the levels from {self._lowest:g} on: lower them"
-            )
+        _check_rendered(level, self._lowest)
         self._left = [each for each in self._left if each < level]
+
+
+def _check_rendered(level: float, lowest: float) -> None:
+    """Refuse that from a level on nothing is rendered, where this leaves none."""
+    if level <= lowest:
+        raise ArgumentError(
+            f"the rig renders none of the levels from {lowest:g} on: lower them"
+        )
