@@ -28,6 +28,8 @@ from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint, free_port
 
 PATIENT: Final = Limits(freeze_ms=5_000, missed_deadlines=1_000)
+PATIENT_LEASE_MS: Final = 5_000
+"""Of a page: the API that renews it waits for cores as the rig does."""
 READER = "a-token-that-only-reads"
 RULES = {
     "runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"],
@@ -101,7 +103,7 @@ def running(
     """Run a service that keeps everything in a folder, with patience for busy machines."""
     config = Config(
         router=RouterConfig(endpoint=free_endpoint()),
-        api=ApiConfig(port=free_port()),
+        api=ApiConfig(port=free_port(), page_lease_ms=PATIENT_LEASE_MS),
         registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
         textures=folder / "textures",
         studies=folder / "studies",
