@@ -39,6 +39,7 @@ REPEATS: Final = {
     "noise": 10,
     "skin": 20,
     "early": 10,
+    "lifelike": 4,
 }
 """Of each name of a kind."""
 

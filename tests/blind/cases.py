@@ -167,6 +167,12 @@ def _skin(which: str, rng: np.random.Generator) -> Case:
     return Case("skin", (Hidden(which, mode),), design)
 
 
+def _lifelike(which: str, rng: np.random.Generator) -> Case:
+    """Return a study of 8 to 12 people who do not stroke as a machine would."""
+    design = Design(participants=int(rng.integers(8, 13)), lifelike=True)
+    return Case("lifelike", (cause(which, 1.0, rng),) if which else (), design)
+
+
 Draw = Callable[[str, np.random.Generator], Case]
 
 KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
@@ -191,6 +197,7 @@ KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
         ("channel_delay",),
         lambda which, rng: Case("early", (cause(which, 1.0, rng, sign=-1.0),)),
     ),
+    "lifelike": (("", *REALISTIC), _lifelike),
 }
 """By name: what may be asked for, and how a case is drawn."""
 

@@ -97,6 +97,7 @@ def rates(lines: Iterable[Line]) -> list[Rate]:
         *_skins(of("skin")),
         # No design of theirs tells a delay from a roll-off: `one_recording` counts intervals.
         _count("early: channel_delay found", of("early"), _all_found, least=0.80),
+        *_lifelike(of("lifelike")),
         _coverage([*of("single"), *of("pair")]),
         *_gains(of("single"), of("pair")),
     ]
@@ -220,6 +221,22 @@ def _skins(lines: Sequence[Line]) -> list[Rate]:
                 ("frequency", "second_mode.frequency_hz"),
                 ("quality", "second_mode.quality"),
             )
+        ),
+    ]
+
+
+def _lifelike(lines: Sequence[Line]) -> list[Rate]:
+    """Return how studies are judged that are run less well than the others."""
+    nothing = [line for line in lines if not line["task"]["which"]]
+    hidden = [line for line in lines if line["task"]["which"]]
+    held = [hit for line in hidden for hit in line["score"]["covered"].values()]
+    return [
+        _count("lifelike, null: a cause named", nothing, _accuses, most=0.05, chance=True),
+        _count("lifelike: found", hidden, _all_found, least=0.95, chance=True),
+        _count("lifelike: another cause confirmed besides", hidden, _is_sure_and_wrong),
+        _count("lifelike: exactly the truth", hidden, _is_exact),
+        Rate(
+            "lifelike: 95 % intervals hold the truth", sum(held), len(held), 0.90, chance=True
         ),
     ]
 

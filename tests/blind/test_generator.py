@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from tests.blind.cases import OTHER_FORMS, REALISTIC, cause
 from tests.blind.generator import Design, Hidden
 from tests.blind.generator.hide import hide
+from tests.blind.generator.motion import Motion, move_lifelike
 from tests.blind.generator.people import CUTOFF_HZ, GAIN_N, SLOPE_HZ_PER_MM_S
+from tests.blind.generator.recursion import RATE_HZ
 from tests.blind.generator.transfer import mount, other_mount
+from tests.blind.generator.trial import LEAD_SAMPLES, reports
 from tests.blind.generator.world import Moment, World
 from tests.blind.observed import ONE_PERSON, observations, trials
 
@@ -333,6 +336,45 @@ def test_the_same_seeds_give_the_same_study(tmp_path: Path, rng: np.random.Gener
     design = Design(participants=1, n_tones=1, n_speeds=1, n_forces=1)
     one, two = (trials(tmp_path, (), seed, design)[0] for _ in range(2))
     assert one.sha256 == two.sha256
+
+
+def test_a_lifelike_finger_strokes_at_its_speed_and_rests_at_its_turns(
+    rng: np.random.Generator,
+) -> None:
+    time_s = np.arange(0.0, 10.0, 1e-3)
+    motion = move_lifelike(60.0, 0.4, time_s, rng)
+    assert np.gradient(motion.position_mm, time_s) == pytest.approx(
+        motion.velocity_mm_s, abs=1.0
+    )
+    assert 40.0 < np.ptp(motion.position_mm) < 75.0
+    sliding = np.abs(motion.velocity_mm_s) > 50.0
+    assert np.abs(motion.velocity_mm_s[sliding]).mean() == pytest.approx(60.0, rel=0.03)
+    assert 0.5 < sliding.mean() < 0.95
+    # Braking by minimum jerk, 0.05 s or longer, is at most 1.875 times the mean of the change.
+    steepest = np.abs(np.gradient(motion.velocity_mm_s, time_s)).max()
+    assert steepest < 1.875 * 1.2 * 60.0 / 0.05
+
+
+def test_a_lifelike_study_lacks_trials_and_has_tones_of_each_persons_own(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    design = Design(participants=2, n_tones=3, n_speeds=2, n_forces=2, lifelike=True)
+    found = trials(tmp_path, (), int(rng.integers(2**31)), design)
+    assert 6 < len(found) < 24
+    assert max(trial.info.order for trial in found) < 12
+    first, second = (
+        {trial.info.tones_hz for trial in found if trial.info.participant == name}
+        for name in ("P01", "P02")
+    )
+    assert first.isdisjoint(second)
+
+
+def test_reports_may_be_late(rng: np.random.Generator) -> None:
+    time_s = np.arange(0.0, 3.0, 1e-3)
+    ramp = Motion(60.0 * time_s, np.full(time_s.size, 60.0), np.full(time_s.size, 0.4))
+    place, at_s = reports(ramp, time_s, 2.0, rng, late_s=0.04)
+    was_s = at_s - 0.04 + LEAD_SAMPLES / RATE_HZ
+    assert place[:, 0] == pytest.approx(60.0 * was_s, abs=0.051)
 
 
 def test_three_tones_at_once_answer_as_one_does(

@@ -43,6 +43,9 @@ class Design:
     order : {'random', 'speed_blocks'}
     base : {'paper', 'constant_cutoff'}
         Law that everybody's friction follows, besides what is hidden.
+    lifelike : bool
+        Turns of minimum jerk, with pauses; touch reports that are late; tones of each person's
+        own; a fifth of the trials missing; a gain that wanders from trial to trial.
     """
 
     participants: int = 12
@@ -55,6 +58,7 @@ class Design:
     seconds: float = 2.0
     order: Order = "random"
     base: Literal["paper", "constant_cutoff"] = "paper"
+    lifelike: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,8 @@ FORCES_N = (0.2, 0.6)
 HIGHEST_HZ = 1500.0
 """One tone lies above this, where the design reaches so far."""
 EVERY_S = 20.0
+MISSING = 0.2
+"""Share of the trials that a lifelike study lacks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +53,22 @@ def draw_tones(design: Design, rng: np.random.Generator) -> tuple[float, ...]:
             nearest = int(np.argmin(np.abs(np.log(tones / design.near_hz))))
             tones[nearest] = design.near_hz * rng.uniform(0.95, 1.05)
         rounded = np.sort(np.round(tones, 1))
-        if (
-            all(_is_free(tone) for tone in rounded)
-            and np.min(np.diff(rounded), initial=np.inf) > 8.0
-        ):
+        if _are_free(rounded):
             return tuple(rounded.tolist())
 
 
-def _is_free(tone_hz: float) -> bool:
-    return min(abs(3.0 * tone_hz - 6000.0), abs(4.0 * tone_hz - 6000.0)) > 60.0
+def _own_tones(tones_hz: tuple[float, ...], rng: np.random.Generator) -> tuple[float, ...]:
+    """Return those of one person, each beside the study's."""
+    while True:
+        own = np.round(tones_hz * np.exp(0.04 * rng.standard_normal(len(tones_hz))), 1)
+        if _are_free(own):
+            return tuple(own.tolist())
+
+
+def _are_free(tones_hz: FloatArray) -> bool:
+    apart = np.min(np.diff(tones_hz), initial=np.inf) > 8.0
+    folded = np.abs(np.multiply.outer((3.0, 4.0), tones_hz) - 6000.0)
+    return bool(apart and np.min(folded, initial=np.inf) > 60.0)
 
 
 def draw_speeds(design: Design, rng: np.random.Generator) -> tuple[float, ...]:
@@ -88,7 +97,9 @@ def plan(
     forces_n: tuple[float, ...],
     rng: np.random.Generator,
 ) -> list[Planned]:
-    """Return one person's trials in their order, all conditions once."""
+    """Return one person's trials in their order, all conditions once at most."""
+    if design.lifelike:
+        tones_hz = _own_tones(tones_hz, rng)
     conditions = [
         (speed, force, tones)
         for speed in speeds_mm_s
@@ -101,6 +112,7 @@ def plan(
     return [
         Planned(order, speed, force, tones)
         for order, (speed, force, tones) in enumerate(shuffled)
+        if not design.lifelike or rng.uniform() >= MISSING
     ]
 
 

@@ -1,12 +1,13 @@
 """A study file from a case."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import signal
 from tests.blind.generator.case import Case
 from tests.blind.generator.people import Person, Spread, draw_person
 from tests.blind.generator.plan import (
@@ -98,6 +99,8 @@ def make_study(
             began += timedelta(hours=float(rng.uniform(1.0, 30.0)))
             planned = plan(design, *levels, rng)
             contacts = _contacts(planned, spread, rng)
+            if design.lifelike:
+                contacts = _wandering(contacts, rng)
             for trial, contact in zip(planned, contacts, strict=True):
                 samples = run(trial, person, contact, design, sensors, rng)
                 asked = _asked(trial, person, began, rng)
@@ -145,6 +148,16 @@ def _contacts(
             )
         )
     return contacts
+
+
+def _wandering(contacts: list[Contact], rng: np.random.Generator) -> list[Contact]:
+    """Return contacts whose gain wanders about a mean, a correlation of 0.93 to the next."""
+    changes = 0.05 * rng.standard_normal(len(contacts))
+    wandering = np.exp(signal.lfilter([1.0], [1.0, -0.93], changes))
+    return [
+        replace(contact, gain=contact.gain * float(factor))
+        for contact, factor in zip(contacts, wandering, strict=True)
+    ]
 
 
 def _asked(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 from tests.blind.generator.case import Design
-from tests.blind.generator.motion import Motion, move
+from tests.blind.generator.motion import Motion, move, move_lifelike
 from tests.blind.generator.people import Person
 from tests.blind.generator.plan import Planned
 from tests.blind.generator.recursion import (
@@ -26,6 +26,8 @@ LEAD_SAMPLES = 50 * BLOCK
 """Simulated before the first sample, so that no mode rings from the start."""
 REPORT_HZ = 60.0
 REPORT_MM = 0.1
+LATE_S = 0.04
+"""By which the reports of a lifelike study are late, and the file does not say so."""
 FADE_MM_S = 2.0
 Y_MM = 20.0
 NOISE_HZ = 2400.0
@@ -85,14 +87,15 @@ def run(
     person : Person
     contact : Contact
     design : Design
-        Its seconds are used.
+        Its seconds are used, and whether it is lifelike.
     sensors : Sensors
     rng : numpy.random.Generator
     """
     blocks = int(design.seconds * RATE_HZ) // BLOCK + LEAD_SAMPLES // BLOCK
     middle_s: FloatArray = np.arange(0.5, blocks, dtype=np.float64) * (BLOCK / RATE_HZ)
     speed = planned.speed_mm_s * contact.speed
-    motion = move(speed, planned.force_n * contact.force, middle_s, rng)
+    way = move_lifelike if design.lifelike else move
+    motion = way(speed, planned.force_n * contact.force, middle_s, rng)
     fraction = _message(planned.tones_hz, blocks * BLOCK, rng)
     carrier = np.cos(2.0 * np.pi * CARRIER_HZ / RATE_HZ * np.arange(blocks * BLOCK))
     moment = moment_of(motion, planned.minutes)
@@ -108,7 +111,9 @@ def run(
     force[:, 2] += finely(motion.normal_force_n)[kept]
     accel = _noise(sensors.accel_noise_m_s2, force_x.size - LEAD_SAMPLES, rng)
     accel[:, 0] += accel_x[kept]
-    position, at_s = reports(motion, middle_s, design.seconds, rng)
+    position, at_s = reports(
+        motion, middle_s, design.seconds, rng, LATE_S if design.lifelike else 0.0
+    )
     return Samples(voltage[kept], force, accel, position, at_s)
 
 
@@ -327,13 +332,17 @@ def _noise(size: float, samples: int, rng: np.random.Generator) -> FloatArray:
 
 
 def reports(
-    motion: Motion, time_s: FloatArray, seconds: float, rng: np.random.Generator
+    motion: Motion,
+    time_s: FloatArray,
+    seconds: float,
+    rng: np.random.Generator,
+    late_s: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what the touch sensor says, and when it was so."""
+    """Return what the touch sensor says, and when it says that it was so."""
     lead_s = LEAD_SAMPLES / RATE_HZ
     count = int(seconds * REPORT_HZ)
     exact_s = (np.arange(count) + rng.uniform(0.2, 0.8)) / REPORT_HZ
     at_s: FloatArray = np.round(exact_s + rng.uniform(-1e-3, 1e-3, count), 6)
-    x_mm = np.interp(at_s + lead_s, time_s, motion.position_mm)
+    x_mm = np.interp(at_s - late_s + lead_s, time_s, motion.position_mm)
     place = np.column_stack([x_mm, np.full(count, Y_MM)])
     return REPORT_MM * np.round(place / REPORT_MM), at_s
