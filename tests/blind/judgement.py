@@ -172,6 +172,12 @@ def _unknown(lines: Sequence[Line]) -> list[Rate]:
         _count("unknown: not called explained", lines, _is_not_explained),
         _count("unknown: flagged", lines, lambda line: line["score"]["flagged"], least=0.95),
         _count("unknown: located", lines, lambda line: line["score"]["located"], least=0.95),
+        _count(
+            "unknown: located, or characterised by its own form",
+            [line for line in lines if "formed" in line["score"]],  # lines of later code
+            lambda line: line["score"]["located"] or line["score"]["formed"],
+            least=0.95,
+        ),
         _count("unknown: a false cause confirmed", lines, _is_sure_and_wrong, most=0.10),
         _count("hidden mode: a false cause confirmed", modes, _is_sure_and_wrong, most=0.10),
     ]

@@ -1,6 +1,6 @@
 """What a report is worth, against the truth: from `report.json` and nothing else."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -18,6 +18,14 @@ WHERE: Final[Mapping[str, tuple[tuple[float, float] | None, frozenset[str]]]] = 
     "other_mount": (None, frozenset({"none", "tone"})),
 }
 """Band (None: all tones) and covariate of what no catalogue has."""
+
+FORM_OF: Final[Mapping[str, str]] = {
+    "hidden_mode": "extra_resonance",
+    "fast_notch": "extra_resonance",
+    "speed_times_force": "gain_coupling_of_speed_and_force",
+    "gain_step": "gain_switch_by_time",
+}
+"""Which form of the grammar is that of what no catalogue has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +53,8 @@ class Score:
         Of an unknown effect: whether its covariate is named and at least half its tones are.
     flagged : bool
         Whether something is said to remain unexplained.
+    formed : bool or None
+        Of an unknown effect: whether its own form characterises it.
     heldout_loglik : float or None
         Gain of all causes together.
     explained_share : float or None
@@ -59,6 +69,7 @@ class Score:
     estimates: dict[str, list[float]]
     located: bool | None
     flagged: bool
+    formed: bool | None
     heldout_loglik: float | None
     explained_share: float | None
 
@@ -94,6 +105,7 @@ def score(report: Mapping[str, Any], case: Case, tones_hz: Iterable[float]) -> S
         estimates={name: list(values) for name, values in estimates.items()},
         located=_located(unknown[0], report["unexplained"], tones_hz) if unknown else None,
         flagged=bool(report["unexplained"]),
+        formed=_formed(unknown[0], report["characterised"]) if unknown else None,
         heldout_loglik=None if gain is None else gain["heldout_loglik"],
         explained_share=report["explained_share"],
     )
@@ -127,6 +139,11 @@ def _estimates(
                 of = f"{name}.{parameter}" if place else name
                 found[of] = (true, float(estimate["value"]), float(low), float(high))
     return found
+
+
+def _formed(name: str, forms: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether the form that explains most is that of an unknown effect."""
+    return bool(forms) and forms[0]["id"] == FORM_OF.get(name)
 
 
 def _located(name: str, left: Iterable[Mapping[str, Any]], tones_hz: Iterable[float]) -> bool:

@@ -21,6 +21,7 @@ def report(
     named: dict[str, tuple[str, float, float]] | None = None,
     pairs: tuple[tuple[str, str], ...] = (),
     left: tuple[dict[str, Any], ...] = (),
+    forms: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Return a report that names causes with an interval of `delay_s`."""
     causes = [
@@ -36,6 +37,7 @@ def report(
         "causes": causes,
         "cannot_tell": [{"between": list(pair)} for pair in pairs],
         "unexplained": list(left),
+        "characterised": [{"id": form} for form in forms],
         "gain": {"heldout_loglik": 12.0} if named else None,
         "explained_share": None,
     }
@@ -101,6 +103,16 @@ def test_an_unknown_effect_is_located_by_its_tones(
 ) -> None:
     entry = {"channel": "size", "band_hz": band, "covariate": covariate, "p_value": 0.01}
     assert score(report(left=(entry,)), MODE, TONES).located is located
+
+
+@pytest.mark.parametrize(
+    ("forms", "formed"),
+    [((), False), (("extra_resonance", "echo"), True), (("echo", "extra_resonance"), False)],
+)
+def test_the_form_that_explains_most_is_the_one_that_counts(
+    forms: tuple[str, ...], formed: bool
+) -> None:
+    assert score(report(forms=forms), MODE, TONES).formed is formed
 
 
 @pytest.mark.parametrize(("hits", "kept"), [(15, True), (16, False), (0, True)])

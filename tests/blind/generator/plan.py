@@ -52,7 +52,7 @@ def draw_tones(design: Design, rng: np.random.Generator) -> tuple[float, ...]:
         if design.near_hz > 0.0:
             nearest = int(np.argmin(np.abs(np.log(tones / design.near_hz))))
             tones[nearest] = design.near_hz * rng.uniform(0.95, 1.05)
-        rounded = np.sort(np.round(tones, 1))
+        rounded: FloatArray = np.sort(np.round(tones, 1))
         if _are_free(rounded):
             return tuple(rounded.tolist())
 
