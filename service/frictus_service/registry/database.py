@@ -12,6 +12,7 @@ neither. Keys are kept for ever: a row is smaller than what it guards.
 
 import contextlib
 import hashlib
+import os
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -73,6 +74,7 @@ class Database:
             )
         self._opening = threading.Lock()
         self._engine: Engine | None = None
+        self._file: tuple[int, int] | None = None
         self._failure = ""
 
     def __str__(self) -> str:
@@ -81,8 +83,8 @@ class Database:
 
     @property
     def exists(self) -> bool:
-        """Whether there may be anything in it: False only for a file that is not there."""
-        return not self._is_file or Path(self._url.database or "").exists()
+        """Whether there may be anything in it: False only for a file that never was there."""
+        return not self._is_file or self._engine is not None or self._place is not None
 
     @property
     def usable(self) -> bool:
@@ -129,6 +131,11 @@ class Database:
 
     def _opened(self) -> Engine:
         if (engine := self._engine) is not None:
+            if self._file != self._place:  # what is written now would go with the process
+                raise RegistryUnavailableError(
+                    f"the registry {self} was deleted, moved or replaced while it was in use: "
+                    "move the file back; or end frictus, and start it with what is there now"
+                )
             return engine
         failed = self._failure
         # Once it has failed, one thread tries again; the others, up to all of a server, need
@@ -140,7 +147,8 @@ class Database:
                 # While this thread waited, another one tried.
                 if self._failure and self._failure != failed:
                     raise RegistryUnavailableError(self._failure)
-                self._engine = self._open()
+                engine = self._open()
+                self._file, self._engine = self._place, engine
             return self._engine
         finally:
             self._opening.release()
@@ -161,6 +169,17 @@ class Database:
     @property
     def _is_file(self) -> bool:
         return self._url.drivername == "sqlite"
+
+    @property
+    def _place(self) -> tuple[int, int] | None:
+        """What the disk knows the file by; None: there is none, or none is meant."""
+        if not self._is_file:
+            return None
+        try:
+            found = os.stat(self._url.database or "")
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
 
     def _upgrade(self, engine: Engine) -> None:
         from alembic import command  # late: what starts a process waits for every import

@@ -2,6 +2,7 @@
 
 import contextlib
 import sqlite3
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -79,6 +80,23 @@ def test_a_file_that_is_no_database_is_told(tmp_path: Path) -> None:
     ):
         registry.find()
     assert file.read_bytes() == b"not a database" * 100
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps a file that is open")
+def test_a_file_that_is_taken_away_takes_no_models(tmp_path: Path, model: MakeModel) -> None:
+    file, elsewhere = tmp_path / "x.db", tmp_path / "elsewhere.db"
+    with Registry(f"sqlite:///{file}") as registry:
+        registry.publish(model(), "a", by="ann")
+        file.rename(elsewhere)
+        with pytest.raises(RegistryUnavailableError, match="move the file back"):
+            registry.publish(model(), "a", by="ann")
+        assert registry.database.exists
+        assert not registry.database.usable
+        file.write_bytes(elsewhere.read_bytes())  # a copy: what is open is the other one
+        with pytest.raises(RegistryUnavailableError, match="move the file back"):
+            registry.get("a")
+        elsewhere.replace(file)
+        assert registry.publish(model(), "a", by="ann").version == 2
 
 
 def test_a_reader_is_not_held_up_by_a_writer(tmp_path: Path, model: MakeModel) -> None:
