@@ -11,6 +11,7 @@ import numpy as np
 
 from frictus_service.durable import put_in_free_place
 from frictus_service.errors import FieldError, StudyError
+from frictus_service.study.hdf5_output import Hdf5Output, not_written
 from frictus_service.study.layout import (
     DATA_SETS,
     SCHEMA,
@@ -43,16 +44,22 @@ class StudyWriter:
     ------
     StudyError
         If there is such a file already.
+    NotWrittenError
+        If its folder takes none.
     """
 
     def __init__(self, path: Path | str, info: StudyInfo) -> None:
         self.path = Path(path)
         if self.path.exists():
             raise _exists(self.path)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         self._unfinished = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.part")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._output = Hdf5Output(self._unfinished)
+        except OSError as error:
+            raise not_written(self.path, error) from error
         # v110: this version of the format protects names, attributes and indices by checksums.
-        self._file = h5py.File(self._unfinished, "w", libver=("v110", "v110"))
+        self._file = h5py.File(self._output, "w", libver=("v110", "v110"))
         try:
             self._trials = self._file.create_group("trials")
             _write_attributes(self._file, _root(info))
@@ -78,15 +85,23 @@ class StudyWriter:
         ------
         StudyError
             If another came there meanwhile, which stays.
+        NotWrittenError
+            If the disk is full.
         """
         if not self._file:
             return
-        self._file.close()
         try:
+            self._file.close()
+            self._output.close()
+            if self._output.failure is not None:
+                raise self._output.failure
             put_in_free_place(self._unfinished, self.path)
         except FileExistsError:
             self._discard()
             raise _exists(self.path) from None
+        except OSError as error:
+            self._discard()
+            raise not_written(self.path, error) from error
 
     def add(self, trial: Trial, steps: Mapping[str, ConverterStep] | None = None) -> str:
         """Write a trial.
@@ -109,6 +124,8 @@ class StudyWriter:
         ------
         StudyError
             If an array has another shape, or the id is taken or cannot name a group.
+        NotWrittenError
+            If the disk is full.
         """
         name = trial.info.id
         if not name or "/" in name or name in (".", "..") or name in self._trials:
@@ -126,10 +143,13 @@ class StudyWriter:
         _write_attributes(group, _asked(trial) | {"sha256": sha256})
         for key, found in stored.items():
             _write_data_set(group, key, found, _beside(trial, key))
+        if (failure := self._output.failure) is not None:
+            raise not_written(self.path, failure) from failure
         return sha256
 
     def _discard(self) -> None:
         self._file.close()
+        self._output.close()
         self._unfinished.unlink(missing_ok=True)
 
 

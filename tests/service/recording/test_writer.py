@@ -1,16 +1,14 @@
 """What a recording holds, what other tools see of it, and what a disk may do to it."""
 
-import contextlib
 import errno
 import json
 import os
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from tests.full_disk import full_after
 
 from frictus.keys import Topics
 from frictus_service.errors import NotWrittenError
@@ -125,24 +123,6 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, known: Any) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(NotWrittenError, match="folder"):
         opened(tmp_path / "file" / "a.mcap", known)
-
-
-@contextlib.contextmanager
-def full_after(size: int) -> Iterator[None]:
-    """Let no file of this process grow beyond `size`, as a full disk does."""
-    if sys.platform == "win32":
-        pytest.skip("Windows limits no file sizes")
-    import resource
-    import signal
-
-    former = resource.getrlimit(resource.RLIMIT_FSIZE)
-    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, former[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, former)
-        signal.signal(signal.SIGXFSZ, handler)
 
 
 def test_a_full_disk_says_so_and_keeps_what_was_synced(

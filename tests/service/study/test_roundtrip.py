@@ -9,8 +9,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from tests.full_disk import full_after
 
-from frictus_service.errors import Exclusion, StudyError
+from frictus_service.errors import Exclusion, NotWrittenError, StudyError
 from frictus_service.study.importers import open_study, read_all
 from frictus_service.study.layout import ConverterStep, digest, duplicates
 from frictus_service.study.reader import StudyReader
@@ -249,6 +250,37 @@ def test_an_unfinished_study_does_not_appear(make_trial: MakeTrial, tmp_path: Pa
         writer.add(make_trial())
         raise KeyError
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(make_trial: MakeTrial, tmp_path: Path) -> None:
+    path, trials = tmp_path / "s.h5", [make_trial(name, 20_000) for name in "ab"]
+
+    def write() -> None:
+        with full_after(2_000_000), StudyWriter(path, StudyInfo(rig="rig1")) as writer:
+            for trial in trials:
+                writer.add(trial)
+
+    with pytest.raises(NotWrittenError, match=r"s\.h5 cannot be written: File too large"):
+        write()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_is_said_when_all_is_written(make_trial: MakeTrial, tmp_path: Path) -> None:
+    def write() -> None:
+        with StudyWriter(tmp_path / "s.h5", StudyInfo(rig="rig1")) as writer:
+            writer.add(make_trial("a"))
+            with full_after(0):  # what HDF5 holds back until the end
+                writer.close()
+
+    with pytest.raises(NotWrittenError, match=r"s\.h5 cannot be written: File too large"):
+        write()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_none_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(NotWrittenError, match=r"cannot be written: .* folder that this"):
+        StudyWriter(tmp_path / "file" / "s.h5", StudyInfo(rig="rig1"))
 
 
 def test_what_cannot_be_written_is_refused(make_trial: MakeTrial, tmp_path: Path) -> None:
