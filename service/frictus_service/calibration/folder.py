@@ -98,7 +98,15 @@ class CalibrationFolder:
             What holds for all trials.
         rejected : str
             Why it may not be used; empty where it may.
+
+        Raises
+        ------
+        FolderError
+            If something of the calibration is gone.
+        NotWrittenError
+            If the disk is full.
         """
+        self._require_whole()
         file = self._file(trial.info.id)
         own = StudyInfo(
             info.rig,
@@ -130,7 +138,16 @@ class CalibrationFolder:
                     left_out(error.exclusion)
 
     def merge(self, info: StudyInfo) -> tuple[Exclusion, ...]:
-        """Write `study`, of all trials, the rejected ones too; return what is not in it."""
+        """Write `study`, of all trials, the rejected ones too; return what is not in it.
+
+        Raises
+        ------
+        FolderError
+            If something of the calibration is gone.
+        NotWrittenError
+            If the disk is full.
+        """
+        self._require_whole()
         left_out: list[Exclusion] = []
         unfinished = self.path / f"{STUDY}.new"
         unfinished.unlink(missing_ok=True)
@@ -139,6 +156,16 @@ class CalibrationFolder:
                 writer.add(trial)
         put_in_place(unfinished, self.study)
         return tuple(left_out)
+
+    def _require_whole(self) -> None:
+        """Raise where what is kept was deleted or moved: no participant slides for it."""
+        kept = (self.path / SPEC, *(self._file(done.id) for done in self._done))
+        if gone := [file for file in kept if not file.is_file()]:
+            raise FolderError(
+                f"{self.path} has lost {len(gone)} of {len(kept)} files since the calibration "
+                f"began, such as {gone[0].relative_to(self.path)}: put them back and go on, or "
+                "begin a new calibration"
+            )
 
     def _file(self, trial_id: str) -> Path:
         return self.path / TRIALS / f"{trial_id}.h5"

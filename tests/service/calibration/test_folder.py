@@ -66,6 +66,24 @@ def test_trials_are_there_when_the_folder_is_opened_again(
     assert not left_out
 
 
+def test_what_is_deleted_under_way_ends_it_at_the_next_trial(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    folder = CalibrationFolder.open(tmp_path / "c", SPEC)
+    folder.add(trial(folder, rng), STUDY, "")
+    following = trial(folder, rng)
+    (tmp_path / "c").rename(tmp_path / "moved")
+    for act in (lambda: folder.add(following, STUDY, ""), lambda: folder.merge(STUDY)):
+        with pytest.raises(
+            FolderError, match=r"lost 2 of 2 files .* such as calibration\.json"
+        ):
+            act()
+    assert not (tmp_path / "c").exists()
+    (tmp_path / "moved").rename(tmp_path / "c")
+    folder.add(following, STUDY, "")
+    assert len(CalibrationFolder.open(tmp_path / "c", SPEC).done) == 2
+
+
 def test_all_trials_become_one_study_as_often_as_asked(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
