@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 
 import frictus
-from frictus.errors import NoRigError
 from frictus.keys import Topics
 from frictus.messages import GuidanceState, RigStatus
 from frictus.session import declare_publisher
@@ -47,6 +46,7 @@ def run_calibration(
     spec: CalibrationSpec,
     folder: Path,
     client: frictus.Client,
+    site: str,
     tell: Callable[[Progress], None],
     cancelled: Callable[[], bool],
     mount: TransferFunction | None = PAPER_MOUNT,
@@ -64,6 +64,8 @@ def run_calibration(
         Of this calibration alone.
     client : Client
         Takes the rig's lease while a trial runs.
+    site : str
+        Of the rig: another site's of the same name is another participant's.
     tell : callable
         Told at every change of phase, and twice a second.
     cancelled : callable
@@ -84,7 +86,7 @@ def run_calibration(
     FrictusError
         If the rig is not there, or refuses.
     """
-    rig = _rig(client, spec.rig)
+    rig = client.rig(spec.rig, site)
     status = status_of(rig)
     calibration = CalibrationRun(
         spec, CalibrationFolder.open(folder, spec), status, mount, tell
@@ -289,11 +291,3 @@ class CalibrationRun:
         return result.model_copy(
             update={"details": result.details | details, "notes": (*result.notes, *notes)}
         )
-
-
-def _rig(client: frictus.Client, name: str) -> frictus.Rig:
-    """Return the rig of that name, at whichever site it is."""
-    sites = [found.site for found in client.rigs() if found.name == name]
-    if len(sites) > 1:
-        raise NoRigError(f"several sites have a rig {name!r}: {', '.join(sites)}; rename one")
-    return client.rig(name, sites[0]) if sites else client.rig(name)

@@ -111,7 +111,9 @@ def calibrate(
             typer.echo(f"seed {spec.seed}, in {folder}")
         try:
             with Watching(found, lines) as watching:
-                result = run_calibration(spec, folder, client, watching.tell, lambda: False)
+                result = run_calibration(
+                    spec, folder, client, found.keys.site, watching.tell, lambda: False
+                )
         except KeyboardInterrupt:
             sys.stderr.write(f"stopped; what is finished is in {folder}: ask again to go on\n")
             raise

@@ -27,12 +27,13 @@ class CalibrationWork(Work):
     """As `frictus_service.calibration.run.run_calibration` is called."""
 
     account: RigAccount
+    site: str
     spec: CalibrationSpec
 
     def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> CalibrationResult:
         """Calibrate."""
         with self.account.connect() as client:
-            given = (self.spec, self.folder, client)
+            given = (self.spec, self.folder, client, self.site)
             result: CalibrationResult = run(*given, parent.report, parent.cancelled)
         return result
 
@@ -179,6 +180,7 @@ class CalibrationEngine(JobEngine[Calibration]):
             run=self._run,
             folder=(self._config.studies / job.id).absolute(),
             account=RigAccount.of(self._config, job.created_by, self.kind, job.id),
+            site=self._config.site,
             spec=job.spec,
         )
 

@@ -16,6 +16,7 @@ from tests.rig_status import rig_status
 from typer.testing import CliRunner, Result
 
 import frictus
+from frictus.errors import NoRigError
 from frictus.keys import Topics
 from frictus.messages import GuidanceState
 from frictus.recordings import texture_of
@@ -147,7 +148,7 @@ def test_a_quick_calibration_makes_rendering_right(
         watching = threading.Thread(target=lambda: shown.extend(_until_done(feed)))
         watching.start()
         result = run_calibration(
-            spec_of(rng), tmp_path, client, told.append, cancelled=lambda: False
+            spec_of(rng), tmp_path, client, "lab", told.append, cancelled=lambda: False
         )
         watching.join()
     assert result.reached
@@ -179,9 +180,19 @@ def test_a_rig_that_somebody_holds_is_refused_before_anything_is_prepared(
     with frictus.connect(endpoint, name="ann") as other, other.rig("rig1").arm():
         until(client.rig("rig1"), lambda status: status.owner == "ann")
         with pytest.raises(CalibrationError, match="'ann' holds rig rig1"):
-            run_calibration(spec_of(rng), tmp_path, client, told.append, lambda: False)
+            run_calibration(spec_of(rng), tmp_path, client, "lab", told.append, lambda: False)
         assert other.rig("rig1").status().state == "armed"
     assert not told
+
+
+def test_a_rig_of_the_same_name_at_another_site_is_left_alone(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    told: list[Progress] = []
+    with pytest.raises(NoRigError, match="no rig 'rig1' at site 'hall'"):
+        run_calibration(spec_of(rng), tmp_path, client, "hall", told.append, lambda: False)
+    assert not told
+    assert not list(tmp_path.iterdir())
 
 
 def _until_done(feed: frictus.Feed[GuidanceState]) -> list[GuidanceState]:
@@ -266,12 +277,12 @@ def test_a_calibration_that_was_cancelled_goes_on(
         return told[-1].trials_done == 1 and told[-1].phase == "record"
 
     with pytest.raises(CancelledError, match="kept"):
-        run_calibration(spec, tmp_path, client, told.append, after_one)
+        run_calibration(spec, tmp_path, client, "lab", told.append, after_one)
     until(client.rig("rig1"), lambda status: status.state == "disarmed")
     (first,) = (tmp_path / "trials").glob("*.h5")
     written = first.read_bytes()
     told.clear()
-    result = run_calibration(spec, tmp_path, client, told.append, lambda: False)
+    result = run_calibration(spec, tmp_path, client, "lab", told.append, lambda: False)
     assert told[0].trials_done == 1
     assert first.read_bytes() == written
     assert not result.reached
@@ -279,11 +290,11 @@ def test_a_calibration_that_was_cancelled_goes_on(
     with StudyReader(result.study) as study:
         assert [info.order for info in study.trials] == [0, 1, 2]
     # Once more: nothing is left to measure, the same comes of it.
-    again = run_calibration(spec, tmp_path, client, told.append, lambda: False)
+    again = run_calibration(spec, tmp_path, client, "lab", told.append, lambda: False)
     assert again.model.base == result.model.base
     other = spec.model_copy(update={"seed": spec.seed + 1})
     with pytest.raises(FolderError, match="seed"):
-        run_calibration(other, tmp_path, client, told.append, lambda: False)
+        run_calibration(other, tmp_path, client, "lab", told.append, lambda: False)
 
 
 def test_losing_the_rig_keeps_what_is_finished(
@@ -303,7 +314,7 @@ def test_losing_the_rig_keeps_what_is_finished(
         with pytest.raises(
             CalibrationError, match=r"took the lease away: .*stopped by|was stopped by"
         ):
-            run_calibration(spec_of(rng), tmp_path, client, tell, lambda: False)
+            run_calibration(spec_of(rng), tmp_path, client, "lab", tell, lambda: False)
     assert len(list((tmp_path / "trials").glob("*.h5"))) == 1
 
 
@@ -340,7 +351,9 @@ def test_a_stop_between_two_trials_ends_it_too(
                 )
 
         with pytest.raises(CalibrationError, match="was stopped by 'somebody'"):
-            run_calibration(spec_of(rng, protocol), tmp_path, client, tell, lambda: False)
+            run_calibration(
+                spec_of(rng, protocol), tmp_path, client, "lab", tell, lambda: False
+            )
         until(rig, lambda status: status.state == "disarmed")
     assert {each.trials_done for each in told} == {0, 1}
     assert len(list((tmp_path / "trials").glob("*.h5"))) == 1
@@ -366,7 +379,9 @@ def test_the_papers_protocol_rests_with_the_drive_off(
         if progress.phase == "break":
             states.append(rig.status().state)
 
-    result = run_calibration(spec_of(rng, protocol), tmp_path, client, tell, lambda: False)
+    result = run_calibration(
+        spec_of(rng, protocol), tmp_path, client, "lab", tell, lambda: False
+    )
     assert set(states) <= {"stopping", "disarmed"}
     phases = [p.phase for p in told]
     assert sum(a != "break" == b for a, b in pairwise(phases)) >= 1
@@ -421,7 +436,7 @@ def test_a_trial_that_cannot_be_followed_is_rejected_and_left_out(
     screen = threading.Thread(target=_documented_screen, args=(endpoint, drawn))
     screen.start()
     result = run_calibration(
-        spec_of(rng, protocol), tmp_path, client, told.append, lambda: False
+        spec_of(rng, protocol), tmp_path, client, "lab", told.append, lambda: False
     )
     screen.join()
     assert told[-1].trials_rejected >= 1  # a busy machine may reject another
@@ -445,7 +460,9 @@ def test_a_finger_that_fails_every_trial_is_let_go(
     with pytest.raises(
         EstimateError, match=rf"none of {HOPELESS} trials is valid \(the last: "
     ):
-        run_calibration(spec_of(rng, protocol), tmp_path, client, told.append, lambda: False)
+        run_calibration(
+            spec_of(rng, protocol), tmp_path, client, "lab", told.append, lambda: False
+        )
     assert any("all rejected: no more are asked for" in each.message for each in told)
     assert told[-1].trials_rejected == told[-1].trials_done == HOPELESS
 

@@ -319,7 +319,9 @@ def test_a_person_is_calibrated(
         following = threading.Thread(target=follow, daemon=True)
         following.start()
         told: list[Progress] = []
-        result = run_calibration(spec, tmp_path, client, told.append, cancelled=lambda: False)
+        result = run_calibration(
+            spec, tmp_path, client, "lab", told.append, cancelled=lambda: False
+        )
     following.join()
     for progress in told:
         if progress.message:  # what follows is shown on failure

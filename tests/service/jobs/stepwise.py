@@ -28,12 +28,13 @@ def run(
     spec: CalibrationSpec,
     folder: Path,
     client: frictus.Client,
+    site: str,
     tell: Callable[[Progress], None],
     cancelled: Callable[[], bool],
 ) -> CalibrationResult:
     """Do what is left of the trials."""
     folder.mkdir(parents=True, exist_ok=True)
-    client.rigs()
+    assert site in {found.site for found in client.rigs()}
     (folder / "client").write_text(client.name, encoding="ascii")
     print("libraries print too")  # noqa: T201
     with (folder / "trials").open("a+", encoding="ascii") as trials:
