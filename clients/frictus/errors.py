@@ -88,6 +88,10 @@ class ArgumentError(FrictusError, ValueError):
     """An argument of a call is out of range; the text says which and what is accepted."""
 
 
+class NotLoggedError(FrictusError, OSError):
+    """A trial was not logged: the file was taken away, or the disk is full."""
+
+
 class UnreadableFileError(FrictusError, OSError):
     """A file is none that can be read: a pipe, a device, or far too long."""
 

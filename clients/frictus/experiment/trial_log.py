@@ -6,7 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from frictus.errors import ArgumentError
+from frictus.errors import ArgumentError, NotLoggedError
 from frictus.files import read_bounded, require_file
 
 FORMAT: Final = "frictus-experiment/1"
@@ -98,22 +98,32 @@ class TrialLog:
 
         Raises
         ------
-        OSError
-            If the disk does not take it.
+        NotLoggedError
+            If the disk does not take it, or another file bears the name, or none.
         """
         line = json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n"
         try:
+            self._require_in_place()
             written = self._file.write(line)
             if written != len(line):  # a full disk takes what fits
-                raise OSError(
-                    f"{self._file.name}: the disk took {written} of {len(line)} bytes"
-                )
+                raise OSError(f"the disk took {written} of {len(line)} bytes; make room there")
             os.fsync(self._file.fileno())
-        except OSError:
+        except OSError as error:
             self._file.truncate(self._whole_bytes)
-            raise
+            raise NotLoggedError(
+                f"this trial is not logged in {self._file.name}: {error}. Begun anew with the "
+                "same log, the experiment goes on"
+            ) from error
         self._whole_bytes += len(line)
         self.rows.append(row)
+
+    def _require_in_place(self) -> None:
+        try:
+            named = os.stat(self._file.name)
+        except FileNotFoundError:
+            named = None
+        if named is None or not os.path.samestat(named, os.fstat(self._file.fileno())):
+            raise OSError("the file was deleted, moved or replaced meanwhile; put it back")
 
     def close(self) -> None:
         """Close the file. Closing twice is harmless."""

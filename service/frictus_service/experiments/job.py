@@ -234,4 +234,9 @@ class ExperimentStore(JobFolder[ExperimentJob]):
         try:
             return Protocol.model_validate_json(path.read_bytes())
         except (OSError, ValidationError) as error:
-            raise JobStateError(f"{path} cannot be read: it is torn or no protocol") from error
+            reason = (
+                error.strerror if isinstance(error, OSError) else "it is torn or no protocol"
+            )
+            raise JobStateError(
+                f"{path} cannot be read: {reason}; put a copy of it back"
+            ) from error

@@ -1,12 +1,13 @@
 """The log: whole rows survive whatever cuts it off; what is no log is refused."""
 
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from frictus import ArgumentError
+from frictus import ArgumentError, NotLoggedError
 from frictus.experiment import read_log, write_events
 from frictus.experiment.events import COLUMNS, event_rows
 from frictus.experiment.trial_log import FORMAT, TrialLog
@@ -47,6 +48,22 @@ def test_nan_is_not_written(tmp_path: Path) -> None:
     with TrialLog(tmp_path / "log.jsonl") as log, pytest.raises(ValueError, match="JSON"):
         log.append({"x": float("nan")})
     assert not (tmp_path / "log.jsonl").read_bytes()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps a file that is open")
+def test_a_log_that_is_taken_away_takes_no_trials(tmp_path: Path) -> None:
+    file, elsewhere = tmp_path / "log.jsonl", tmp_path / "elsewhere.jsonl"
+    with TrialLog(file) as log:
+        log.append(HEADER)
+        file.rename(elsewhere)
+        with pytest.raises(NotLoggedError, match="deleted, moved or replaced"):
+            log.append({"trial": 1})
+        file.write_bytes(elsewhere.read_bytes())  # a copy: what is open is the other one
+        with pytest.raises(NotLoggedError, match="deleted, moved or replaced"):
+            log.append({"trial": 1})
+        elsewhere.replace(file)
+        log.append({"trial": 1})
+    assert read_log(file)[0] == [HEADER, {"trial": 1}]
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="Windows has no limit of file sizes")
