@@ -1,6 +1,8 @@
 """`frictus models` on a registry of its own."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +72,24 @@ def test_publish_list_show(models: Any, document: Path, tmp_path: Path) -> None:
     (shown,) = models("show", "fake/P01@1")
     assert shown["model"]["base"] == MODEL["base"]
     assert shown["comment"] == "by hand"
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp437"])
+def test_what_the_encoding_of_a_terminal_lacks_is_escaped(
+    encoding: str, models: Any, document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    comment = "Ö, 3 µs → right"
+    models("publish", document, "--comment", comment)
+    monkeypatch.setenv("PYTHONIOENCODING", encoding)
+    monkeypatch.setenv("TERM", "dumb")  # without colours
+    terminal = "import sys; sys.stdout.isatty = lambda: True; "
+    main = "from frictus_service.cli import main; main()"
+    words = ["models", "show", "fake/P01", "-c", str(tmp_path / "own.toml")]
+    done = subprocess.run(
+        [sys.executable, "-c", terminal + main, *words], capture_output=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert comment.encode(encoding, "backslashreplace") in done.stdout
 
 
 def test_a_name_that_reads_as_another_participant_is_remarked_on(
