@@ -81,10 +81,10 @@ def _carry_out(work: Work, parent: ParentLink) -> Word:
         result = work.carry_out(_named(work.run), parent)
     except (CancelledError, DiscoveryCancelledError, ExperimentCancelledError):
         return Word(kind="stopped")
-    except (ServiceError, FrictusError) as error:
-        return Word(kind="failed", data=str(error))
     except BrokenPipeError:
         raise
+    except (ServiceError, FrictusError, OSError) as error:  # a disk, a file: no bug
+        return Word(kind="failed", data=str(error))
     except Exception as error:
         traceback.print_exc()
         return Word(kind="failed", data=f"unexpected {type(error).__name__}: {error}")

@@ -43,15 +43,29 @@ def unchanged(path: Path | str) -> Iterator[None]:
     Raises
     ------
     StudyError
-        At the end, if it has changed.
+        At the end, if it has changed; in place of what reading it ended with, too.
     """
     before = _state_if_there(Path(path))
-    yield
-    if _state_if_there(Path(path)) != before:
+    try:
+        yield
+    except (StudyError, OSError) as error:
+        _require(before, Path(path), error)
+        raise
+    _require(before, Path(path))
+
+
+def _require(before: str | None, path: Path, error: Exception | None = None) -> None:
+    after = _state_if_there(path)
+    if after == before:
+        return
+    if after is None:
         raise StudyError(
-            f"{path} changed while it was read, so that parts of two studies may have been; "
-            "start again once nobody writes to it"
-        )
+            f"{path} was deleted or moved while it was read; put it back and start again"
+        ) from error
+    raise StudyError(
+        f"{path} changed while it was read, so that parts of two studies may have been; "
+        "start again once nobody writes to it"
+    ) from error
 
 
 def _state_if_there(path: Path) -> str | None:

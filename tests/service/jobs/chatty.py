@@ -1,4 +1,4 @@
-"""Work that tells of itself without end, until whoever started it takes no more."""
+"""Work of jobs that needs no rig and no study."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ class Said(BaseModel):
 
 
 class ChattyWork(Work):
-    """Needs no rig and no study."""
+    """Tells of itself without end, until whoever started it takes no more."""
 
     def carry_out(self, run: Any, parent: ParentLink) -> BaseModel | None:
         """Tell, and note in the folder how often."""
@@ -24,6 +24,15 @@ class ChattyWork(Work):
             parent.report(Said())
             told += 1
             (self.folder / "told").write_text(str(told), encoding="ascii")
+
+
+class FilelessWork(Work):
+    """Reads a file that has gone."""
+
+    def carry_out(self, run: Any, parent: ParentLink) -> BaseModel | None:
+        """Read it."""
+        (self.folder / "gone.h5").read_bytes()
+        return None
 
 
 def never(folder: Path) -> None:

@@ -31,8 +31,18 @@ def test_a_change_is_seen(tmp_path: Path, change: str, in_folder: bool) -> None:
     path = folder if in_folder else folder / "a.h5"
     with unchanged(path):
         (folder / "a.h5").read_bytes()
-    with pytest.raises(StudyError, match="changed while it was read"), unchanged(path):
+    gone = change == "gone" and not in_folder
+    match = "deleted or moved while it was read" if gone else "changed while it was read"
+    with pytest.raises(StudyError, match=match), unchanged(path):
         CHANGES[change](folder / "a.h5")
+    shutil.copy(__file__, folder / "a.h5")
+    with pytest.raises(StudyError, match=match), unchanged(path):
+        _change_and_fail(folder / "a.h5", change)
+
+
+def _change_and_fail(file: Path, change: str) -> None:
+    CHANGES[change](file)
+    raise FileNotFoundError(2, "No such file or directory", str(file))
 
 
 def test_what_is_not_there_is_left_to_who_reads_it(tmp_path: Path) -> None:
@@ -63,6 +73,18 @@ def test_no_report_is_made_of_parts_of_two_studies(studies: list[Path], when: st
 
     with pytest.raises(StudyError, match="changed while it was read"):
         discover_study(path, workers=0, seed=1, tell=replaced)
+
+
+@pytest.mark.parametrize("when", ["known already", "criticising"])
+def test_a_study_that_vanishes_while_it_is_read_is_said_to_have(
+    studies: list[Path], when: str
+) -> None:
+    def vanishes(line: str) -> None:
+        if when in line:
+            studies[0].unlink()
+
+    with pytest.raises(StudyError, match=r"one\.h5 was deleted or moved while it was read"):
+        discover_study(studies[0], workers=0, seed=1, tell=vanishes)
 
 
 def test_observations_of_workers_are_of_one_study(studies: list[Path]) -> None:
