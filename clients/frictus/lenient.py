@@ -1,10 +1,21 @@
 """What is read leniently and made strictly: the base of messages and textures."""
 
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Final
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 from pydantic._internal._model_construction import ModelMetaclass  # it has no public name
+from pydantic_core import PydanticCustomError
+
+
+def _no_truth(value: object) -> object:
+    if isinstance(value, bool):
+        raise PydanticCustomError("truth", "Input should be a valid number")
+    return value
+
+
+NO_TRUTH: Final = BeforeValidator(_no_truth)
+"""Of a literal number: there true is taken for 1, however strict the model is."""
 
 
 class _Spelled(ModelMetaclass):

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 from frictus.experiment import parse_protocol, ready_protocols
+from frictus.experiment.protocol import Design
+from frictus.experiment.tasks import Magnitude
 from frictus.recordings import load_texture
 from frictus_service.cli.models import read_model
 from frictus_service.cli.streams.play import scene_of
@@ -15,6 +17,7 @@ from frictus_service.daemon.rig import read_model as read_rig_model
 from frictus_service.data_import.column_map import load_map
 from frictus_service.discovery.plan.documents import read_design
 from frictus_service.discovery.problem.base_models import base_model
+from frictus_service.errors import StudyError
 from frictus_service.library import TextureLibrary
 
 MODEL = """{"schema": "model/1", "base": {"law": "first_order_speed", "gain_n": true,
@@ -54,6 +57,20 @@ def test_a_boolean_is_no_number(
     (tmp_path / name).write_text(text)
     with pytest.raises(Exception, match=rf"{where}[\s\S]*should be a valid (number|integer)"):
         read(tmp_path / name)
+
+
+def test_a_boolean_is_no_sign(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text('[channels.force_x]\ncolumn = "Fx"\nunit = "N"\nsign = true\n')
+    with pytest.raises(StudyError, match=r"force_x\.sign: Input should be a valid number"):
+        load_map(file)
+
+
+def test_a_boolean_is_no_literal_number_of_a_protocol() -> None:
+    with pytest.raises(ValueError, match=r"intervals[\s\S]*should be a valid number"):
+        Magnitude.model_validate_json('{"intervals": true}', strict=True)
+    with pytest.raises(ValueError, match=r"catch_every[\s\S]*should be a valid number"):
+        Design.model_validate_json('{"catch_every": false}', strict=True)
 
 
 @pytest.mark.parametrize("entry", ["trials", "interval_s", "practice", "break_every", "low"])

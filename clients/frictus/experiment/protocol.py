@@ -19,6 +19,7 @@ from frictus.experiment.procedures.plans import (
 from frictus.experiment.stimuli import Amplitude, Difference, Pairs, Stimulus
 from frictus.experiment.tasks import Adjustment, Magnitude, SameDifferent, Task, guess_rate
 from frictus.files import MAX_TOML_BYTES, read_bounded, read_toml
+from frictus.lenient import NO_TRUTH
 from frictus.textures import Texture
 
 MAX_CANDIDATES: Final = 200_000
@@ -61,7 +62,7 @@ class Design(_Part):
     """Of several conditions; blocks follow each other by a Latin square over participants."""
     practice: Annotated[int, Field(ge=0, le=1_000)] = 0
     """Trials at the easiest level before the others, with feedback, not counted."""
-    catch_every: Literal[0] | Annotated[int, Field(ge=2, le=1_000)] = 0
+    catch_every: Annotated[Literal[0] | Annotated[int, Field(ge=2, le=1_000)], NO_TRUTH] = 0
     """One catch trial in so many, at a random place; 0 for none. Of 1 no other would come."""
     break_every: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Trials between breaks; 0 for none."""

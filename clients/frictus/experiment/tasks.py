@@ -6,6 +6,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from frictus.errors import ArgumentError
+from frictus.lenient import NO_TRUTH
 
 Interval = Literal["test", "reference"]
 Order: TypeAlias = tuple[Interval, ...]
@@ -45,7 +46,7 @@ class Magnitude(_Task):
 
     kind: Literal["magnitude"] = "magnitude"
     question: Question = "How strong was it? Any number above 0."
-    intervals: Literal[1, 2] = 1
+    intervals: Annotated[Literal[1, 2], NO_TRUTH] = 1
     low: FiniteFloat = 1e-6
     high: Annotated[FiniteFloat, Field(le=1e9)] = 1e6
     """Least and greatest number accepted."""

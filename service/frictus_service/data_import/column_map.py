@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from frictus.files import read_toml, require_file
+from frictus.lenient import NO_TRUTH
 from frictus_service.data_import.channels import BY_NAME, DRIVES, UNITS, find_unit, units_of
 from frictus_service.durable import replace_file
 from frictus_service.errors import FieldError, StudyError
@@ -47,7 +48,7 @@ class MappedColumn(_Strict):
 
     column: str = Field(max_length=500)
     unit: str
-    sign: Literal[1, -1] = 1
+    sign: Annotated[Literal[1, -1], NO_TRUTH] = 1
     scale: Annotated[float, Field(gt=1e-12, lt=1e12, allow_inf_nan=False)] = 1.0
     rate_hz: Positive | None = None
 
