@@ -16,6 +16,7 @@ from typing import Annotated, Any, Final, Literal
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
+from h11 import LocalProtocolError
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.types import Receive, Scope, Send
 
@@ -179,7 +180,7 @@ def list_recordings(
 def get_recording_file(name: RecordingName, given: Given) -> FileResponse:
     """Return a finished recording of this machine's folder as a file."""
     path = _finished(name, given)
-    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+    return RecordingResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.get(
@@ -330,6 +331,17 @@ def stop_recording(rig: RigName, given: Given) -> RecordingState:
     """End the recording; return how long it became and what was lost in it."""
     with _conflicts():
         return given.link.recorder_of(rig).end_recording()
+
+
+class RecordingResponse(FileResponse):
+    """A file that somebody may shorten while it is sent: its answer then breaks off."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await super().__call__(scope, receive, send)
+        except LocalProtocolError:  # less than was announced: the server ends the connection
+            _LOG.warning("%s was shortened while it was sent", self.path)
 
 
 class ExportResponse(FileResponse):

@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+import h11
 import pytest
 from starlette.types import Message
 
@@ -65,3 +66,30 @@ def test_what_a_killed_service_left_is_removed_a_day_later(
         "of-another-program",
     ]
     assert (tmp_path / "of-another-program" / "pilot.h5").exists()
+
+
+def test_a_recording_that_is_shortened_while_it_is_sent_is_no_fault_of_ours(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "pilot.mcap"
+    path.write_bytes(b"blocks" * 100_000)
+    wire = h11.Connection(h11.SERVER)
+    wire.receive_data(b"GET /pilot.mcap HTTP/1.1\r\nHost: here\r\n\r\n")
+    wire.next_event()
+
+    async def receive() -> Message:  # it stays connected
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            wire.send(h11.Response(status_code=200, headers=message["headers"]))
+            os.truncate(path, 1_000)
+            return
+        wire.send(h11.Data(data=message["body"]))
+        if not message["more_body"]:
+            wire.send(h11.EndOfMessage())
+
+    scope = {"type": "http", "method": "GET", "headers": [], "extensions": {}}
+    asyncio.run(recordings.RecordingResponse(path)(scope, receive, send))
+    assert "pilot.mcap was shortened while it was sent" in caplog.text
