@@ -23,6 +23,8 @@ log = logging.getLogger("frictus")
 
 RENEWALS_PER_LEASE: Final = 4
 CONFIRM_S: Final = 3.0  # a rig tells its status at least every second
+JUMP_S: Final = 0.5
+"""Of a clock: a rig refuses what is stamped so far ahead of its own, unless configured."""
 
 
 def names_shared_with(names: Sequence[str]) -> tuple[str, ...]:
@@ -107,6 +109,7 @@ class Lease:
             self._declared = undo.pop_all()
         self._lease_ms = int(lease_ms)  # which may have come as a text or a float
         self._armed_at_s = time.monotonic()
+        self._ahead_s = _clock_ahead_s()
         self._armed_utc_ns = reply.utc_ns
         expect_state(status, reply, CONFIRM_S)
         self._thread = threading.Thread(target=self._renew, name="frictus-lease", daemon=True)
@@ -213,6 +216,14 @@ class Lease:
         return confirmed, _loss(status, self._caller.client)
 
     def _lose(self, loss: LeaseLostError) -> None:
+        jump_s = _clock_ahead_s() - self._ahead_s
+        if loss.by is None and abs(jump_s) >= JUMP_S:
+            loss = LeaseLostError(
+                f"{loss.reason}; this machine's clock jumped by {jump_s:+.1f} s meanwhile (it "
+                "was set, or the machine slept): a rig refuses renewals that are stamped too "
+                "far from its own clock",
+                utc_ns=loss.utc_ns,
+            )
         self._loss = loss
         self._lost.set()
         log.warning("lease on rig %s lost: %s", self._caller.keys.rig, loss.reason)
@@ -234,6 +245,11 @@ class Lease:
         except (RefusedError, NoRigError, LinkError):
             if error is None:
                 raise
+
+
+def _clock_ahead_s() -> float:
+    """Return how far the clock is ahead of one that nobody sets."""
+    return 1e-9 * time.time_ns() - time.monotonic()
 
 
 def expect_state(status: Latest[RigStatus], reply: Reply, within_s: float) -> None:

@@ -337,6 +337,22 @@ def test_a_lost_lease_ends_what_follows_it_and_says_who_when_why(
         assert next(observed).sequence == 1
 
 
+@pytest.mark.parametrize(("by", "told"), [(None, True), ("alice", False)])
+def test_a_lease_that_is_lost_after_the_clock_was_set_names_the_clock(
+    client: Client, fake: Any, monkeypatch: pytest.MonkeyPatch, by: str | None, told: bool
+) -> None:
+    fake.say(Topics.STATUS, fake.status(state="armed", owner="tester"))
+    with client.rig("sim").arm(lease_ms=100) as lease:
+        fake.next_put(Topics.LEASE)
+        fake.next_put(Topics.LEASE)
+        of_before = time.time_ns
+        monkeypatch.setattr(time, "time_ns", lambda: of_before() + 3_600 * 10**9)
+        end = LeaseEnd(owner="tester", by=by, reason="it ended", utc_ns=10**18)
+        fake.say(Topics.STATUS, fake.status(state="stopping", last_end=end))
+        assert lease.wait_lost(WAIT_S)
+        assert ("this machine's clock jumped by +3600.0 s" in lease.reason) is told
+
+
 def test_what_was_set_is_read_whatever_was_published_before(client: Client, fake: Any) -> None:
     fake.say_everything_once()
     rig = client.rig("sim")
