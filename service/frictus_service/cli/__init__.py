@@ -30,5 +30,5 @@ def open_standard_streams() -> None:
             number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free: that of the name
             os.set_inheritable(number, True)
             setattr(sys, name, open(number, mode, encoding="utf-8"))
-    assert isinstance(sys.stdout, io.TextIOWrapper)
-    sys.stdout.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stdout, io.TextIOWrapper):  # consoles of notebooks have their own
+        sys.stdout.reconfigure(errors="backslashreplace")
