@@ -29,9 +29,9 @@ line. People differ in gain (35 %), cutoff (15 %), its slope over speed (25 %), 
 of speed and force in their gain (0.04), and in what is hidden in the finger (20 %); contact
 changes the gain from trial to trial (10 %) and the cutoff between conditions (5 %); 3 % of the
 trials are off by a factor of two, 2 % are half as fast again as asked. Realistic is twice the
-smallest size that a prototype found. `lifelike`: 8 to 12 people whose turns are of minimum jerk,
-with pauses, and whose gain wanders besides; touch reports are 40 ms late, tones each person's own,
-and a fifth of the trials is missing.
+smallest size that a prototype found. `lifelike`: 8 to 12 people whose turns are of minimum
+jerk, with pauses, and whose gain wanders besides; touch reports are 40 ms late, tones each
+person's own, and a fifth of the trials is missing.
 
 Lines are of the code of their day. `skin` (mobility; a mode of 150 to 700 Hz), `early` and the
 two studies of which an analysis had ended in an error are of later code than the rest, of which
