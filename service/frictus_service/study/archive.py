@@ -16,11 +16,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+import h5py
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.durable import new_folder
 from frictus_service.errors import Exclusion, StudyError
+from frictus_service.study.hdf5_output import Hdf5Output, not_written
 from frictus_service.study.importers import Study, read_all
 from frictus_service.study.trial import Trial
 
@@ -72,6 +74,8 @@ def write_session(
     ------
     StudyError
         If pynwb is not installed, or the age is none.
+    NotWrittenError
+        If the disk is full.
     """
     try:
         from pynwb import NWBHDF5IO, NWBFile
@@ -109,8 +113,11 @@ def write_session(
         positions.add_spatial_series(_position(trial, onset_s))
     behaviour = file.create_processing_module("behavior", "Where the finger was.")
     behaviour.add(positions)
-    with NWBHDF5IO(path, "w") as written:
-        written.write(file)
+    with Hdf5Output(path) as output:
+        with h5py.File(output, "w") as hdf5, NWBHDF5IO(file=hdf5, mode="w") as written:
+            written.write(file)
+    if (failure := output.failure) is not None:
+        raise not_written(path, failure) from failure
 
 
 def begin_of(trials: Sequence[Trial]) -> datetime:
@@ -252,6 +259,8 @@ def export_archive(
     StudyError
         If the folder exists, pynwb is not installed, the age is none, two participants
         would have one name, or no trial can be used.
+    NotWrittenError
+        If the disk is full.
     """
     excluded: list[Exclusion] = []
     sessions: list[_Session] = []

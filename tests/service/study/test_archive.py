@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from nwbinspector import Importance, inspect_nwbfile
 from pynwb import NWBHDF5IO
+from tests.full_disk import full_after
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
-from frictus_service.errors import StudyError
+from frictus_service.errors import NotWrittenError, StudyError
 from frictus_service.study.archive import (
     COLUMNS,
     SIMULATED,
@@ -44,6 +45,19 @@ def archive(make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path) -> P
         excluded = export_archive(opened, tmp_path / "out", "CC-BY-4.0", "P18Y/P65Y")
     assert [one.trial for one in excluded] == ["in mN"]
     return tmp_path / "out"
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(
+    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path
+) -> None:
+    study = write_study(make_trial("long", n_samples=40_000))
+    with (
+        StudyReader(study) as opened,
+        pytest.raises(NotWrittenError, match="cannot be written: File too large"),
+        full_after(100_000),
+    ):
+        export_archive(opened, tmp_path / "out", "CC-BY-4.0", None)
+    assert list(tmp_path.glob("*out*")) == []
 
 
 SESSIONS = ("sub-p1/sub-p1_ses-00", "sub-p1/sub-p1_ses-01", "sub-p2/sub-p2_ses-00")
