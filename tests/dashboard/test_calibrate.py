@@ -24,7 +24,7 @@ from frictus_service.config import (
     RegistryConfig,
 )
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(300)]
 
 FASTER = 4.0
 STRANGER = SimulatedParticipant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
@@ -65,7 +65,7 @@ def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
     backend = SimulatedConfig(
         finger=GuidedStrokes(reaction_s=0.6), participant=STRANGER, clock=FASTER, lead_ms=240.0
     )
-    with running(folder, backend=backend, block_ms=20.0) as lab:
+    with running(folder, backend=backend, block_ms=40.0) as lab:
         yield lab
 
 
