@@ -360,7 +360,7 @@ def test_every_error_is_also_the_natural_builtin() -> None:
     from frictus import errors
 
     builtins = (ValueError, RuntimeError, LookupError, ConnectionError, TimeoutError)
-    natural = {"UnreadableFileError": OSError}
+    natural = {"UnreadableFileError": OSError, "NotLoggedError": OSError}
     for name, kind in vars(errors).items():
         if isinstance(kind, type) and issubclass(kind, FrictusError) and kind != FrictusError:
             assert issubclass(kind, natural.get(name, builtins)), name

@@ -22,7 +22,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.durable import new_folder
 from frictus_service.errors import Exclusion, StudyError
-from frictus_service.study.hdf5_output import Hdf5Output, not_written
+from frictus_service.study.hdf5_output import Hdf5Output
 from frictus_service.study.importers import Study, read_all
 from frictus_service.study.trial import Trial
 
@@ -113,11 +113,13 @@ def write_session(
         positions.add_spatial_series(_position(trial, onset_s))
     behaviour = file.create_processing_module("behavior", "Where the finger was.")
     behaviour.add(positions)
-    with Hdf5Output(path) as output:
-        with h5py.File(output, "w") as hdf5, NWBHDF5IO(file=hdf5, mode="w") as written:
-            written.write(file)
-    if (failure := output.failure) is not None:
-        raise not_written(path, failure) from failure
+    with (
+        Hdf5Output(path) as output,
+        output.in_whole(path),
+        h5py.File(output, "w") as hdf5,
+        NWBHDF5IO(file=hdf5, mode="w") as written,
+    ):
+        written.write(file)
 
 
 def begin_of(trials: Sequence[Trial]) -> datetime:

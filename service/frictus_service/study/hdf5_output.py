@@ -1,6 +1,8 @@
 """Where HDF5 writes a file, so that a full disk is an error and not the end of the process."""
 
+import contextlib
 import io
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,8 @@ class Hdf5Output(io.FileIO):
     """A new file for `h5py.File` to write to.
 
     HDF5 does not recover from a write that fails: it raises from every close, and ends the
-    process by a segmentation fault. So it is never told: whoever writes looks at `failure`.
+    process by a segmentation fault. So it is never told; what it fails by later, where it reads
+    what it takes for written, `in_whole` puts into words.
 
     Parameters
     ----------
@@ -27,6 +30,28 @@ class Hdf5Output(io.FileIO):
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
         self.failure: OSError | None = None
+
+    @contextlib.contextmanager
+    def in_whole(self, path: Path) -> Iterator[None]:
+        """Have HDF5 write.
+
+        Parameters
+        ----------
+        path : Path
+            What the file is to be called.
+
+        Raises
+        ------
+        NotWrittenError
+            If not all of it was written, whatever else HDF5 raised.
+        """
+        try:
+            yield
+        except Exception:
+            if self.failure is None:
+                raise
+        if self.failure is not None:
+            raise not_written(path, self.failure) from self.failure
 
     def write(self, data: Any, /) -> int:
         """Write all of it, unless a write has failed."""

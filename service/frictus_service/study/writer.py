@@ -1,5 +1,6 @@
 """Writing a `study/1` file, trial by trial."""
 
+import contextlib
 import secrets
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,7 +11,7 @@ import h5py
 import numpy as np
 
 from frictus_service.durable import put_in_free_place
-from frictus_service.errors import FieldError, StudyError
+from frictus_service.errors import FieldError, NotWrittenError, StudyError
 from frictus_service.study.hdf5_output import Hdf5Output, not_written
 from frictus_service.study.layout import (
     DATA_SETS,
@@ -91,14 +92,16 @@ class StudyWriter:
         if not self._file:
             return
         try:
-            self._file.close()
+            with self._output.in_whole(self.path):
+                self._file.close()
             self._output.close()
-            if self._output.failure is not None:
-                raise self._output.failure
             put_in_free_place(self._unfinished, self.path)
         except FileExistsError:
             self._discard()
             raise _exists(self.path) from None
+        except NotWrittenError:
+            self._discard()
+            raise
         except OSError as error:
             self._discard()
             raise not_written(self.path, error) from error
@@ -139,16 +142,16 @@ class StudyWriter:
             raise StudyError(f"{self.path}, trial {name}, {error}") from error
         read_back: dict[str, Any] = {key: found.values for key, found in stored.items()}
         sha256 = digest(replace(trial, **read_back))
-        group = self._trials.create_group(name)
-        _write_attributes(group, _asked(trial) | {"sha256": sha256})
-        for key, found in stored.items():
-            _write_data_set(group, key, found, _beside(trial, key))
-        if (failure := self._output.failure) is not None:
-            raise not_written(self.path, failure) from failure
+        with self._output.in_whole(self.path):
+            group = self._trials.create_group(name)
+            _write_attributes(group, _asked(trial) | {"sha256": sha256})
+            for key, found in stored.items():
+                _write_data_set(group, key, found, _beside(trial, key))
         return sha256
 
     def _discard(self) -> None:
-        self._file.close()
+        with contextlib.suppress(NotWrittenError), self._output.in_whole(self.path):
+            self._file.close()
         self._output.close()
         self._unfinished.unlink(missing_ok=True)
 
