@@ -64,7 +64,7 @@ from frictus_service.processes import free_endpoint
 from frictus_service.study.reader import StudyReader
 from frictus_service.synthesis.compensability import law_of, placeholder_model
 
-FASTER = 6.0
+FASTER = 4.0
 STRANGER = SimulatedParticipant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
 """40 % off the population."""
 BRIEF = QuickProtocol(
@@ -84,9 +84,9 @@ def endpoint() -> Iterator[str]:
             finger=GuidedStrokes(),
             participant=STRANGER,
             clock=FASTER,
-            lead_ms=240.0,  # 40 ms for the machine
+            lead_ms=240.0,  # 60 ms for the machine
         ),
-        block_ms=20.0,
+        block_ms=40.0,
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=0),
         limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines

@@ -40,6 +40,7 @@ def calibrate(
     spec: CalibrationSpec,
     folder: Path,
     client: frictus.Client,
+    site: str,
     tell: Callable[[Progress], None],
     cancelled: Callable[[], bool],
 ) -> CalibrationResult:
