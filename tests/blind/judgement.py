@@ -233,16 +233,16 @@ def _skins(lines: Sequence[Line]) -> list[Rate]:
 
 def _lifelike(lines: Sequence[Line]) -> list[Rate]:
     """Return how studies are judged that are run less well than the others."""
-    nothing = [line for line in lines if not line["task"]["which"]]
-    hidden = [line for line in lines if line["task"]["which"]]
-    held = [hit for line in hidden for hit in line["score"]["covered"].values()]
+    held = _covered(lines)
     return [
-        _count("lifelike, null: a cause named", nothing, _accuses, most=0.05, chance=True),
-        _count("lifelike: found", hidden, _all_found, least=0.95, chance=True),
-        _count("lifelike: another cause confirmed besides", hidden, _is_sure_and_wrong),
-        _count("lifelike: exactly the truth", hidden, _is_exact),
+        *_hidden_or_not("lifelike", "the cause", lines, 0.95),
+        _count("lifelike: a cause confirmed that is not there", lines, _is_sure_and_wrong),
         Rate(
-            "lifelike: 95 % intervals hold the truth", sum(held), len(held), 0.90, chance=True
+            "lifelike: 95 % intervals hold the truth",
+            sum(held),
+            len(held),
+            least=0.90,
+            chance=True,
         ),
     ]
 
@@ -257,8 +257,12 @@ def _held(what: str, lines: Sequence[Line], parameter: str) -> Rate:
     return Rate(what, sum(held), len(held), least=0.90, chance=True)
 
 
+def _covered(lines: Sequence[Line]) -> list[bool]:
+    return [hit for line in lines for hit in line["score"]["covered"].values()]
+
+
 def _coverage(lines: Sequence[Line]) -> Rate:
-    covered = [hit for line in lines for hit in line["score"]["covered"].values()]
+    covered = _covered(lines)
     return Rate("95 % intervals hold the truth", sum(covered), len(covered), 0.90, 0.98)
 
 
