@@ -3,8 +3,10 @@
 import importlib.util
 import re
 import sys
+from collections import Counter
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -22,11 +24,28 @@ def structure() -> ModuleType:
     return module
 
 
-def test_every_parameter_and_attribute_is_described(structure: ModuleType) -> None:
+@pytest.fixture(scope="module")
+def counted(structure: ModuleType) -> dict[str, tuple[Any, list[str]]]:
     files = [path for source in structure.SOURCES for path in (ROOT / source).rglob("*.py")]
-    counts = {str(path): structure.count_file(path)[0].bare for path in files}
-    bare = {path: count for path, count in counts.items() if count}
+    return {str(path): structure.count_file(path) for path in files}
+
+
+def test_every_parameter_and_attribute_is_described(
+    counted: dict[str, tuple[Any, list[str]]],
+) -> None:
+    bare = {path: count.bare for path, (count, _) in counted.items() if count.bare}
     assert not bare
+
+
+def test_no_file_has_more_than_400_lines(counted: dict[str, tuple[Any, list[str]]]) -> None:
+    assert not [path for path, (count, _) in counted.items() if count.large]
+
+
+def test_the_name_of_a_public_class_means_one_thing(
+    counted: dict[str, tuple[Any, list[str]]],
+) -> None:
+    times = Counter(name for _, names in counted.values() for name in names)
+    assert not [name for name, count in times.items() if count > 1]
 
 
 def test_every_source_that_the_docs_name_exists() -> None:

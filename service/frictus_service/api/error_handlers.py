@@ -171,7 +171,7 @@ class Departures:
             _LOG.info("%s: its client left", scope["path"])
 
 
-class Ranges:
+class UnsatisfiableRanges:
     """ASGI middleware: a `Range` that a file does not have is answered with a problem.
 
     Starlette answers with bare text, 400 where the header cannot be read.

@@ -233,7 +233,7 @@ def build_app(
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     error_handlers.install(app)
     app.add_middleware(Heads)
-    app.add_middleware(error_handlers.Ranges)
+    app.add_middleware(error_handlers.UnsatisfiableRanges)
     app.add_middleware(error_handlers.Departures)
     app.add_middleware(
         OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins

@@ -28,7 +28,7 @@ Estimate = Callable[[Sequence[TrialObservations]], Model]
 
 
 @dataclass(frozen=True, slots=True)
-class ResponsePoint:
+class FittedPoint:
     """What was measured at one speed and tone, beside the fit.
 
     Attributes
@@ -88,7 +88,7 @@ class FitDiagnostics:
 
     Attributes
     ----------
-    points : tuple of ResponsePoint
+    points : tuple of FittedPoint
         By speed, then tone.
     residual_db : float
         Root mean square of what the fit leaves at the points, dB.
@@ -102,7 +102,7 @@ class FitDiagnostics:
         Why nothing was held out; empty if it was.
     """
 
-    points: tuple[ResponsePoint, ...]
+    points: tuple[FittedPoint, ...]
     residual_db: float
     standardised: float | None
     held_out: HeldOutFit | None
@@ -178,7 +178,7 @@ def _ratios(one: TrialObservations, at: FloatArray) -> dict[float, complex]:
 
 def _points(
     used: Sequence[TrialObservations], ratios: Sequence[dict[float, complex]], at: FloatArray
-) -> tuple[tuple[ResponsePoint, ...], FloatArray]:
+) -> tuple[tuple[FittedPoint, ...], FloatArray]:
     """Return the points, and the standardised residuals of those with three trials or more."""
     of_point: dict[tuple[float, float], list[tuple[complex, float]]] = {}
     for one, by_tone in zip(used, ratios, strict=True):
@@ -200,7 +200,7 @@ def _points(
             if n > 2 and np.ptp(logs.real - gains) > 0.0:
                 standardised.append(_standardised(logs.real - gains))
         points.append(
-            ResponsePoint(
+            FittedPoint(
                 speed_mm_s,
                 tone_hz,
                 n,

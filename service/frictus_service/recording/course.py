@@ -31,7 +31,7 @@ _CHANNELS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedEvent:
+class CourseEvent:
     """Something that happened.
 
     Attributes
@@ -56,7 +56,7 @@ class Course:
         What one column covers.
     low, high : dict of name of a signal to ndarray, shape (n_columns,)
         Extremes; NaN where nothing was recorded. Of the finger's speed: while it touches.
-    events : tuple of RecordedEvent
+    events : tuple of CourseEvent
         In their order; `MOST_EVENTS` at most.
     left_out : int
         Events beyond them.
@@ -69,7 +69,7 @@ class Course:
     column_s: float
     low: dict[str, FloatArray]
     high: dict[str, FloatArray]
-    events: tuple[RecordedEvent, ...]
+    events: tuple[CourseEvent, ...]
     left_out: int
     guided_trials: int
     ending: str
@@ -116,7 +116,7 @@ class _Drawing:
         self.column_s = shown_s / COLUMNS
         self.low = {name: np.full(COLUMNS, np.inf) for name in SIGNALS}
         self.high = {name: np.full(COLUMNS, -np.inf) for name in SIGNALS}
-        self.events: list[RecordedEvent] = []
+        self.events: list[CourseEvent] = []
         self.left_out = 0
         self.guided = 0
         self._asked: tuple[str, int, str] | None = None
@@ -171,20 +171,20 @@ class _Drawing:
         np.minimum.at(self.low[name], columns[known], values[known])
         np.maximum.at(self.high[name], columns[known], values[known])
 
-    def _event_of(self, item: Item) -> RecordedEvent | None:
+    def _event_of(self, item: Item) -> CourseEvent | None:
         if isinstance(item, State) and isinstance(item.message, RigStatus):
             status = item.message
             before, self._state = self._state, status.state
             if status.state != before:
-                return RecordedEvent(self._at_s(status.utc_ns), _told(status))
+                return CourseEvent(self._at_s(status.utc_ns), _told(status))
         elif isinstance(item, GapNote):
             lost = f"{item.missing_blocks} of {item.stream} are missing: {item.reason}"
-            return RecordedEvent(self._at_s(item.utc_ns), lost)
+            return CourseEvent(self._at_s(item.utc_ns), lost)
         elif isinstance(item, PresenceNote):
             was, self._present = self._present, item.present
             if item.present != was:
                 what = "the rig is back" if item.present else "the rig is gone"
-                return RecordedEvent(self._at_s(item.utc_ns), what)
+                return CourseEvent(self._at_s(item.utc_ns), what)
         return None
 
 

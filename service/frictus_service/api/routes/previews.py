@@ -29,7 +29,7 @@ class Asked(BaseModel):
     """Whose model and screen say what is feasible."""
 
 
-class Course(BaseModel):
+class FrictionCourse(BaseModel):
     """Friction over the first 10 mm of way, or 0.1 s of time."""
 
     per: Literal["mm", "s"] = Field(description="Unit of the step")
@@ -40,7 +40,9 @@ class Course(BaseModel):
 class Preview(BaseModel):
     """What a texture asks for, and what of it a rig could give."""
 
-    courses: list[Course] = Field(description="One over way, one over time; none for a map")
+    courses: list[FrictionCourse] = Field(
+        description="One over way, one over time; none for a map"
+    )
     rms_n: list[float] | None = Field(
         description="In third octaves, 31.5 Hz to 1 kHz, at the speed; null for a map"
     )
@@ -92,7 +94,7 @@ def preview(
     stretches = [stretch_of(each) for each in sums]
     return Preview(
         courses=[
-            Course(per=drawn.per, step=drawn.step, friction_n=drawn.friction_n.tolist())
+            FrictionCourse(per=drawn.per, step=drawn.step, friction_n=drawn.friction_n.tolist())
             for drawn in stretches
         ],
         rms_n=third_octaves_n(sums, asked.speed_mm_s).tolist() if sums else None,
