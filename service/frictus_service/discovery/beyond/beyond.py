@@ -256,11 +256,17 @@ def beside_form(beyond: Beyond, first: Decision, found: Decision) -> Decision:
         form may be that shape, and its size is that of the form; one that only stood in for the
         form goes.
     found : Decision
-        Beside the form.
+        Beside the form. A cause that shows beside its own bend is of another shape, too.
     """
     assert beyond.form is not None
     shape_of = beyond.form.fitted.form.shape_of
     there = {each.candidate for each in found.named}
+    beside = [
+        replace(each, verdict="family")
+        if _effect(beyond.problem, each) in shape_of & BENT
+        else each
+        for each in found.named
+    ]
     kept = [
         replace(each, in_model=False)
         for each in first.named
@@ -268,7 +274,7 @@ def beside_form(beyond: Beyond, first: Decision, found: Decision) -> Decision:
         and each.candidate not in there
         and _effect(beyond.problem, each) in shape_of
     ]
-    return replace(found, named=(*found.named, *kept))
+    return replace(found, named=(*beside, *kept))
 
 
 def _effect(problem: DiscoveryProblem, named: CauseDecision) -> str:

@@ -111,6 +111,22 @@ def test_a_cause_in_another_shape_keeps_its_name_and_the_form_has_its_size(
     assert [effect.id for effect in found.extended_model.effects] == [form.id]
 
 
+def test_a_cause_that_shows_beside_its_own_bend_has_not_the_shape_of_the_catalogue(
+    rng: np.random.Generator,
+) -> None:
+    """A gain that rises at once and then slowly is no drift of so much a minute."""
+    rises = {"log_change": 0.4, "threshold_min": 1.6}
+    effects = [("gain_drift", {"per_minute": 0.1}), ("gain_switch_by_time", rises)]
+    found = found_in(made(rng, effects, Design(repeats=2)))
+    assert [form.id for form in found.characterised] == ["gain_switch_by_time"]
+    assert [(cause.id, cause.verdict) for cause in found.causes] == [("gain_drift", "family")]
+    assert found.verdict == "partly_explained"
+    assert {effect.id for effect in found.extended_model.effects} == {
+        "gain_drift",
+        "gain_switch_by_time",
+    }
+
+
 def test_a_power_law_and_what_bends_it_back_are_one_bend_also_where_people_differ(
     tmp_path: Path,
 ) -> None:
