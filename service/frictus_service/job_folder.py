@@ -66,7 +66,7 @@ class JobFolder(Generic[Job]):
     kind : str
         As given.
     changes : int
-        Grows whenever a job is in another state.
+        Grows whenever a job is in another state, or is found to be gone.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class JobFolder(Generic[Job]):
         self._clock_ns = clock_ns
         self._lock = threading.Lock()
         self._told: set[str] = set()
+        self._kept: set[str] = set()
 
     def folder(self, job: str) -> Path:
         """Return the absolute path of a job's folder."""
@@ -174,7 +175,11 @@ class JobFolder(Generic[Job]):
         UnknownJobError, JobStateError
         """
         with self._lock:
-            found = self._read(job)
+            try:
+                found = self._read(job)
+            except UnknownJobError:
+                self.changes += 1  # whoever follows it learns that it is gone
+                raise
             if found.state not in of:
                 raise JobStateError(
                     f"{self.kind} {job} is {found.state}: this is for one that is "
@@ -196,6 +201,11 @@ class JobFolder(Generic[Job]):
 
     def _read(self, job: str) -> Job:
         path = self.folder(job) / JOB
+        if job in self._kept and not path.is_file():
+            raise self._unknown(
+                f"{self.kind} {job} is gone: {path.parent} was deleted or moved; put it "
+                "back, or begin another one"
+            )
         if not _ID.fullmatch(job) or not path.is_file():
             raise self._unknown(f"no {self.kind} {job[:80]!r}")
         try:
@@ -218,6 +228,7 @@ class JobFolder(Generic[Job]):
         """Write where a job stands; called with the lock held."""
         content = job.model_dump_json(by_alias=True, indent=2)
         replace_file(self.folder(job.id) / JOB, content.encode())
+        self._kept.add(job.id)
         self.changes += 1
 
 

@@ -181,15 +181,9 @@ class Experiment:
     def _go_on(self, log: TrialLog) -> None:
         """Write the header of a new log, or take in the trials of an old one."""
         if not log.rows:
-            header: dict[str, Any] = {
-                "format": FORMAT,
-                "utc_ns": time.time_ns(),
-                "participant": self._participant,
-                "seed": self._seed,
-                "order_row": self._order_row,
-                "protocol": self.protocol.model_dump(mode="json"),
-            }
-            log.append(header)
+            header = {"format": FORMAT, "utc_ns": time.time_ns(), "seed": self._seed}
+            person = {"participant": self._participant, "order_row": self._order_row}
+            log.append(header | person | {"protocol": self.protocol.model_dump(mode="json")})
             return
         held = log.rows[0].get("participant")
         if held != self._participant:
@@ -199,9 +193,10 @@ class Experiment:
         self.schedule = resumed(self.protocol, log.rows, str(self._path))
         self._seed = self.schedule.seed
 
-    def require_lease(self) -> None:
-        """Raise `LeaseLostError` if the rig no longer obeys, also between trials."""
+    def require_ready(self) -> None:
+        """Raise `LeaseLostError` or `NotLoggedError` if rig or log take no (further) trial."""
         self._opened()[0].require_lease()
+        self._opened()[1].require_in_place()
 
     def next(self) -> ScheduledTrial | None:
         """Return the next trial, the same until it is answered; None after the last."""

@@ -103,7 +103,7 @@ class TrialLog:
         """
         line = json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n"
         try:
-            self._require_in_place()
+            self._look_in_place()
             written = self._file.write(line)
             if written != len(line):  # a full disk takes what fits
                 raise OSError(f"the disk took {written} of {len(line)} bytes; make room there")
@@ -117,7 +117,20 @@ class TrialLog:
         self._whole_bytes += len(line)
         self.rows.append(row)
 
-    def _require_in_place(self) -> None:
+    def require_in_place(self) -> None:
+        """Raise if what is appended would not be found under the log's name.
+
+        Raises
+        ------
+        NotLoggedError
+            If another file bears the name, or none.
+        """
+        try:
+            self._look_in_place()
+        except OSError as error:
+            raise NotLoggedError(f"{self._file.name} takes no more trials: {error}") from error
+
+    def _look_in_place(self) -> None:
         try:
             named = os.stat(self._file.name)
         except FileNotFoundError:

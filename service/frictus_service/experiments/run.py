@@ -61,6 +61,8 @@ def run_experiment(
     ------
     ExperimentCancelledError
     UnattendedError
+    NotLoggedError
+        Also while an answer is waited for that could not be kept.
     """
     made = Experiment.of(
         client.rig(job.rig, site, wait_s=START_S),
@@ -244,4 +246,4 @@ class PageParticipant:
                 f"nobody answered or went on for {UNATTENDED_S / 60.0:g} minutes: the rig is "
                 "given back. The answered trials are kept; resume to go on with this one"
             )
-        self._experiment.require_lease()
+        self._experiment.require_ready()

@@ -13,7 +13,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
-from frictus_service.errors import ServiceError
+from frictus_service.errors import ServiceError, UnknownJobError
 from frictus_service.job_folder import ACTIVE, State
 from frictus_service.jobs.process import JobProcess, Word, Work
 
@@ -61,9 +61,10 @@ class JobStore(Protocol[Kept]):
 
 
 @dataclass(slots=True)
-class _Running:
+class _Running(Generic[Job]):
     """A job that is queued or runs."""
 
+    job: Job
     turn: "Future[None] | None" = None
     process: JobProcess | None = None
     cancelled: bool = False
@@ -130,7 +131,7 @@ class JobEngine(ABC, Generic[Job]):
         self._interrupt = interrupt
         # Held while a job is kept and launched: one that is cancelled between would run.
         self._lock = threading.RLock()
-        self._jobs: dict[str, _Running] = {}
+        self._jobs: dict[str, _Running[Job]] = {}
         self._turns = ThreadPoolExecutor(at_once, thread_name_prefix=self.kind)
         self._recovered = False
         self._recovering = threading.Lock()
@@ -223,7 +224,7 @@ class JobEngine(ABC, Generic[Job]):
         self._turns.shutdown()
 
     def _launch(self, job: Job) -> None:
-        running = _Running()
+        running = _Running(job)
         with self._lock:
             self._jobs[job.id] = running
             running.turn = self._turns.submit(self._follow, job, running)
@@ -233,7 +234,12 @@ class JobEngine(ABC, Generic[Job]):
         running = self._jobs.get(job)
         return None if running is None or running.cancelled else running.process
 
-    def _follow(self, job: Job, running: _Running) -> None:
+    def _with_process(self) -> list[Job]:
+        """Return the jobs that have a process, whatever became of what is kept of them."""
+        with self._lock:
+            return [each.job for each in self._jobs.values() if each.process is not None]
+
+    def _follow(self, job: Job, running: _Running[Job]) -> None:
         """Run a job from beginning to end, when it is its turn."""
         last = None
         try:
@@ -241,9 +247,16 @@ class JobEngine(ABC, Generic[Job]):
                 if not (running.cancelled or self.closing):
                     self._store.change(job.id, "running", of=("queued",))
                     last = self._carry_out(job, running)
+            except UnknownJobError:
+                pass  # said below, with what its process said last
             except Exception:
                 _LOG.exception("%s %s broke off", self.kind, job.id)
             self._keep_outcome(job.id, running, last)
+        except UnknownJobError as error:
+            said = "" if last is None else f" ({last.kind}: {last.data})"
+            _LOG.warning(
+                "%s %s has ended%s, which is not kept: %s", self.kind, job.id, said, error
+            )
         except Exception:
             # It stands there as running: the next API process makes that interrupted.
             _LOG.exception("%s %s: its state could not be kept", self.kind, job.id)
@@ -252,7 +265,7 @@ class JobEngine(ABC, Generic[Job]):
                 if self._jobs.get(job.id) is running:  # not if it was resumed meanwhile
                     del self._jobs[job.id]
 
-    def _carry_out(self, job: Job, running: _Running) -> Word | None:
+    def _carry_out(self, job: Job, running: _Running[Job]) -> Word | None:
         """Return the last word of the job's process; None if it ended without one."""
         try:
             process = JobProcess(self._work(job))
@@ -275,11 +288,13 @@ class JobEngine(ABC, Generic[Job]):
                 except OSError as error:
                     # It goes on, a participant may be sliding; what counts is in its folder.
                     _LOG.warning("%s %s: progress was not kept: %s", self.kind, job.id, error)
+        with self._lock:
+            running.process = None
         if last is None and not (running.cancelled or self.closing):
             _LOG.warning("%s %s: its process ended by itself", self.kind, job.id)
         return last
 
-    def _keep_outcome(self, job: str, running: _Running, last: Word | None) -> None:
+    def _keep_outcome(self, job: str, running: _Running[Job], last: Word | None) -> None:
         """Keep what became of a job, once the disk or the database takes it."""
         said = ""
         while True:
@@ -293,7 +308,7 @@ class JobEngine(ABC, Generic[Job]):
                     _LOG.warning("%s %s: its state is not kept yet: %s", self.kind, job, said)
             time.sleep(AGAIN_S)
 
-    def _conclude(self, job: str, running: _Running, last: Word | None) -> None:
+    def _conclude(self, job: str, running: _Running[Job], last: Word | None) -> None:
         change = self._store.change
         if last is not None and last.kind == "done":
             change(job, "done", of=ACTIVE, **self._outcome(last.data))

@@ -198,7 +198,9 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
         ------
         RigInExperimentError
         """
-        if (other := self.store.active_on(rig)) is not None:
+        # The process of one whose folder was deleted drives the rig until it has seen that.
+        driving = (job for job in self._with_process() if job.rig == rig)
+        if (other := next(driving, None) or self.store.active_on(rig)) is not None:
             raise RigInExperimentError(
                 f"experiment {other.id} ({other.protocol}, {other.participant}) is under way "
                 f"on rig {rig!r}: wait for its end, or stop it"

@@ -38,7 +38,7 @@ def participant(
     header = {"format": FORMAT, "participant": "P01", "seed": 1, "order_row": 0}
     trial = begun(protocol, header | {"protocol": protocol.model_dump(mode="json")}).next()
     assert trial is not None
-    experiment = SimpleNamespace(protocol=protocol, rows=[], require_lease=lambda: None)
+    experiment = SimpleNamespace(protocol=protocol, rows=[], require_ready=lambda: None)
     shown: list[str] = []
     person = run.PageParticipant(
         cast(Experiment, experiment),

@@ -31,7 +31,8 @@ class Unrendered:
     def rows(self) -> list[dict[str, object]]:
         return self._log.rows
 
-    def require_lease(self) -> None:
+    def require_ready(self) -> None:
+        self._log.require_in_place()
         if (Path(self._log._file.name).parent / "stopped").exists():
             raise LeaseLostError("stopped by local.rest")
 

@@ -15,6 +15,7 @@ from frictus_service.api.access import has, needs
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes, id_of, place
 from frictus_service.api.services import Given
+from frictus_service.errors import UnknownExperimentError
 from frictus_service.experiments.job import (
     LOG,
     Answer,
@@ -126,7 +127,11 @@ async def follow_experiment(
     while not experiments.closing:
         if (now := experiments.changes) != seen:
             seen = now
-            found = await run_in_threadpool(experiments.get, found.id)
+            try:
+                found = await run_in_threadpool(experiments.get, found.id)
+            except UnknownExperimentError as gone:  # GET says 404 from now on
+                end = {"state": "failed", "failure": str(gone), "screen": None}
+                found = found.model_copy(update=end)
             shown = found if unveiled else found.veiled()
             if (data := shown.model_dump_json(by_alias=True)) != told:
                 told = data

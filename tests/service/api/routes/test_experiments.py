@@ -2,11 +2,14 @@
 
 import json
 import os
+import queue
+import shutil
 import signal
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from fastapi.testclient import TestClient
@@ -88,6 +91,11 @@ def until_end(api: TestClient, job: str) -> str:
     events = api.get(f"{job}/events").text
     last = [line for line in events.splitlines() if line.startswith("data: ")][-1]
     return str(json.loads(last.removeprefix("data: "))["state"])
+
+
+def until_told(caplog: pytest.LogCaptureFixture, text: str) -> None:
+    while text not in caplog.text:
+        pass
 
 
 def pid_of(api: TestClient, job: str) -> int:
@@ -340,6 +348,46 @@ def test_what_is_damaged_is_said(api: TestClient, rig: FakeRig, tmp_path: Path) 
     api.post(f"{job}/resume")
     assert until_end(api, job) == "failed"
     assert "protocol.json cannot be read" in api.get(job).json()["failure"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGSTOP")
+def test_one_whose_folder_is_deleted_ends_and_gives_its_rig_back(
+    api: TestClient,
+    rig: FakeRig,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine = cast(Any, api.app).state.services.experiments
+    job = begun(api, rig)
+    answer(api, job)
+    screen(api, job, "question")
+    pid = pid_of(api, job)
+    os.kill(pid, signal.SIGSTOP)
+    looked, get = queue.SimpleQueue[str](), engine.get
+
+    def get_and_tell(of: str) -> Any:
+        found = get(of)
+        looked.put(of)
+        return found
+
+    monkeypatch.setattr(engine, "get", get_and_tell)
+    pool = ThreadPoolExecutor()
+    followed = pool.submit(until_end, api, job)
+    for _ in ("whether it is there", "as the first event"):
+        looked.get()
+    shutil.rmtree(tmp_path / "studies" / "experiments" / job.rpartition("/")[2])
+    assert "was deleted or moved" in api.get(job).json()["detail"]
+    assert start(api, rig.name, toml=TOML).json()["code"] == "rig_busy"
+    os.kill(pid, signal.SIGCONT)
+    assert followed.result() == "failed"
+    while (again := start(api, rig.name, toml=TOML)).status_code == 409:
+        pass
+    assert again.status_code == 202
+    until_told(caplog, "trials.jsonl takes no more trials: the file was deleted")
+    assert "Traceback" not in caplog.text
+    api.delete(again.headers["location"])
+    assert until_end(api, again.headers["location"]) == "cancelled"
 
 
 def test_an_adjustment_has_a_question_for_each_step(api: TestClient, rig: FakeRig) -> None:
