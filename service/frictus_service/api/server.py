@@ -14,19 +14,18 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any, Final
 
-import anyio.lowlevel
 import uvicorn
 from fastapi import FastAPI, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frictus.session import LEASE_MS
 from frictus.websocket.messages import MAX_BYTES
 from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.http_forms import AbsoluteTargets, Heads
 from frictus_service.api.limits import (
     HEAD_BYTES,
     OriginCheck,
@@ -240,6 +239,7 @@ def build_app(
     )
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(monitoring.CountRequests, metrics=app.state.metrics)
+    app.add_middleware(AbsoluteTargets)
     install(app)
     return app
 
@@ -338,38 +338,3 @@ def run_api(config: Config, stop: StopSignal, ready: ReadySignal) -> None:
         server = _Server(settings, stop, ready, app.state.services.stop_jobs)
         with existing_objects_frozen():
             server.run(sockets=[listener])
-
-
-class Heads:
-    """ASGI middleware: a HEAD is worked out as a GET, as far as the head of its answer.
-
-    So RFC 9110, section 9.3.2; FastAPI's routes, unlike Starlette's, know only the methods that
-    they declare.
-
-    Parameters
-    ----------
-    app : ASGIApp
-        What is behind it.
-    """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve a request."""
-        if scope["type"] != "http" or scope["method"] != "HEAD":
-            await self._app(scope, receive, send)
-            return
-        with anyio.CancelScope() as until_begun:
-
-            async def send_head(message: Message) -> None:
-                await send(message)
-                await send({"type": "http.response.body"})
-                until_begun.cancel()  # a stream of events would go on, and a file be read
-                await anyio.lowlevel.checkpoint()
-
-            scope["method"] = "GET"
-            try:
-                await self._app(scope, receive, send_head)
-            finally:
-                scope["method"] = "HEAD"
