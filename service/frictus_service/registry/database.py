@@ -43,6 +43,22 @@ BUSY_MS: Final = 10_000
 """How long SQLite waits for another writer; a write takes milliseconds."""
 FREE_S: Final = 1.0
 """How long a thread waits for a connection: while all hang, others have work to do."""
+_AHEAD: Final = ("-wal", "-shm")
+"""Ends of the names of the files beside a SQLite file that is in use."""
+_ADVICE: Final = {
+    "disk I/O error": "its file, its -wal or its -shm was deleted or replaced while a process "
+    "has it open, or the disk fails: end every frictus that uses it, and put back what was "
+    "taken away; to begin an empty one, move all three elsewhere",
+    "readonly database": "the account that frictus runs under must be allowed to write the "
+    "file and its folder",
+    "unable to open database file": "its folder has to be there, and the account that frictus "
+    "runs under must be allowed to read and write both",
+    "malformed": "put a backup back (docs/registry.md)",
+    "disk is full": "make room there, and ask again",
+    "locked": f"another program has written it for more than {BUSY_MS / 1e3:g} s: end that "
+    "one, or ask again",
+}
+"""What to do, by what SQLite says."""
 _UPGRADE_LOCK: Final = 0x66726963
 """Any number; PostgreSQL lets one process at a time bring the tables up to date."""
 
@@ -75,6 +91,7 @@ class Database:
         self._opening = threading.Lock()
         self._engine: Engine | None = None
         self._file: tuple[int, int] | None = None
+        self._ahead: list[str] = []
         self._failure = ""
 
     def __str__(self) -> str:
@@ -90,7 +107,9 @@ class Database:
     def usable(self) -> bool:
         """Whether it can be reached; a file that is not there yet can be made."""
         if not self.exists:
-            return True
+            return os.access(
+                os.path.dirname(self._url.database or "") or ".", os.W_OK | os.X_OK
+            )
         try:
             with self.read() as connection:
                 connection.execute(text("SELECT 1"))
@@ -120,6 +139,7 @@ class Database:
         with self._told(), self._opened().connect() as connection:
             connection = connection.execution_options(frictus_write=True)
             with connection.begin():
+                self._require_journal()
                 yield connection
 
     def close(self) -> None:
@@ -148,6 +168,9 @@ class Database:
                 if self._failure and self._failure != failed:
                     raise RegistryUnavailableError(self._failure)
                 engine = self._open()
+                self._ahead = [
+                    end for end in _AHEAD if os.path.exists(f"{self._url.database}{end}")
+                ]
                 self._file, self._engine = self._place, engine
             return self._engine
         finally:
@@ -177,8 +200,10 @@ class Database:
             return None
         try:
             found = os.stat(self._url.database or "")
-        except OSError:
+        except FileNotFoundError:
             return None
+        except OSError:
+            return -1, -1  # something is there, which cannot be looked at
         return found.st_dev, found.st_ino
 
     def _upgrade(self, engine: Engine) -> None:
@@ -212,10 +237,22 @@ class Database:
             raise  # for whoever knows which rule was broken
         except SQLAlchemyError as error:
             reason = str(getattr(error, "orig", None) or error).strip().replace("\n", " ")
+            known = (todo for said, todo in _ADVICE.items() if said in reason)
             raise RegistryUnavailableError(
-                f"the registry {self} cannot be used: {reason}; see registry.url in the "
-                "configuration"
+                f"the registry {self} cannot be used: {reason}; "
+                + next(known, "see registry.url in the configuration")
             ) from error
+
+    def _require_journal(self) -> None:
+        """Raise where what is committed stands in a file that has no name any more."""
+        # A connection that is open has them; a kill would take what only they hold.
+        gone = [end for end in self._ahead if not os.path.exists(f"{self._url.database}{end}")]
+        if gone:
+            raise RegistryUnavailableError(
+                f"the registry {self} takes nothing more: {' and '.join(gone)} beside its file "
+                "was deleted while it was in use. End every frictus that uses it by Ctrl-C, "
+                "which keeps what was confirmed, then start again; a kill would lose it"
+            )
 
 
 def insert_or(connection: Connection, table: Table) -> sqlite.Insert | postgresql.Insert:

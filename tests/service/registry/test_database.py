@@ -1,7 +1,9 @@
 """How a database is opened: settings, migrations, several at once, foreign ones."""
 
 import contextlib
+import os
 import sqlite3
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -97,6 +99,85 @@ def test_a_file_that_is_taken_away_takes_no_models(tmp_path: Path, model: MakeMo
             registry.get("a")
         elsewhere.replace(file)
         assert registry.publish(model(), "a", by="ann").version == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps a file that is open")
+def test_beside_one_whose_file_was_deleted_it_is_said_what_to_do(
+    tmp_path: Path, model: MakeModel
+) -> None:
+    file = tmp_path / "x.db"
+    open_it = f"""
+from frictus_service.errors import RegistryUnavailableError
+from frictus_service.registry.store import Registry
+try:
+    Registry("sqlite:///{file}").find()
+except RegistryUnavailableError as error:
+    print(error)
+"""
+    with Registry(f"sqlite:///{file}") as registry:
+        registry.publish(model(), "a", by="ann")
+        file.unlink()
+        told = subprocess.run([sys.executable, "-c", open_it], capture_output=True, text=True)
+    assert "end every frictus that uses it, and put back what was taken away" in told.stdout
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps a file that is open")
+@pytest.mark.parametrize("end", ["-wal", "-shm"])
+def test_what_would_go_with_a_kill_is_not_confirmed(
+    end: str, tmp_path: Path, model: MakeModel
+) -> None:
+    file = tmp_path / "x.db"
+    with Registry(f"sqlite:///{file}") as registry:
+        registry.publish(model(), "a", by="ann")
+        Path(f"{file}{end}").unlink()
+        with pytest.raises(
+            RegistryUnavailableError, match=f"{end} beside its file was deleted"
+        ):
+            registry.publish(model(), "a", by="ann")
+        assert registry.get("a").version == 1
+    with Registry(f"sqlite:///{file}") as again:
+        assert again.publish(model(), "a", by="ann").version == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has other rights")
+@pytest.mark.parametrize(
+    ("what", "told"),
+    [
+        ("file", "allowed to write the file and its folder"),
+        ("folder", "its folder has to be there"),
+        ("no folder", "its folder has to be there"),
+        ("locked", "end that one, or ask again"),
+    ],
+)
+def test_what_keeps_it_from_being_used_is_said_with_what_helps(
+    what: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if what in ("file", "folder") and os.geteuid() == 0:
+        pytest.skip("root may write what is read-only")
+    monkeypatch.setattr(database, "BUSY_MS", 10)
+    folder = tmp_path / "kept"
+    url = f"sqlite:///{folder / 'x.db'}"
+    folder.mkdir()
+    if what in ("file", "locked"):
+        with Registry(url) as registry:
+            registry.find()
+    with contextlib.ExitStack() as held:
+        if what == "locked":
+            other = held.enter_context(contextlib.closing(sqlite3.connect(folder / "x.db")))
+            other.execute("BEGIN IMMEDIATE")
+        elif what == "no folder":
+            folder.rmdir()
+        else:
+            (folder / "x.db" if what == "file" else folder).chmod(0o555)
+        with Registry(url) as registry:
+            assert registry.database.usable == (what == "file")
+            with pytest.raises(RegistryUnavailableError, match=told):
+                write(registry)
+
+
+def write(registry: Registry) -> None:
+    with registry.database.write() as connection:
+        connection.execute(text("UPDATE model_names SET last_version = 1"))
 
 
 def test_a_reader_is_not_held_up_by_a_writer(tmp_path: Path, model: MakeModel) -> None:
