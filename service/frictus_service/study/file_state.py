@@ -63,7 +63,7 @@ def _require(before: str | None, path: Path, error: Exception | None = None) -> 
             f"{path} was deleted or moved while it was read; put it back and start again"
         ) from error
     raise StudyError(
-        f"{path} changed while it was read, so that parts of two studies may have been; "
+        f"{path} changed while it was read, so that parts of two files may have been; "
         "start again once nobody writes to it"
     ) from error
 

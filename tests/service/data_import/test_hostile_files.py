@@ -1,5 +1,6 @@
 """Files that are damaged, lie about their size, or hold what must never be loaded."""
 
+import os
 import pickle
 import struct
 import zlib
@@ -14,7 +15,7 @@ from scipy.io import savemat
 from tests.service.data_import.conftest import WRITERS
 from tests.service.data_import.made import Swipes
 
-from frictus_service.data_import.formats import arrays, columns
+from frictus_service.data_import.formats import arrays, columns, tables
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.errors import StudyError
 
@@ -236,4 +237,19 @@ def test_text_of_octave_is_named_with_the_way_out(tmp_path: Path) -> None:
     text = "# Created by Octave 7.3.0, Sun Nov 29 10:00:00 2026 UTC <lab@desk>\n# name: fs\n"
     path.write_text(text + "# type: scalar\n20000\n\n\n", encoding="ascii")
     with pytest.raises(StudyError, match=r"Octave's own text.*save it again with -v7"):
+        read_columns(path)
+
+
+def test_one_that_is_cut_while_it_is_read_is_not_taken_for_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, read = tmp_path / "swipe.csv", tables.read_text
+    path.write_text("time,force\n" + "".join(f"{0.001 * i:.3f},0.1\n" for i in range(100)))
+
+    def read_a_part(path: Path) -> columns.Columns:
+        os.truncate(path, 11 + 10 * 40)  # at the end of a line
+        return read(path)
+
+    monkeypatch.setattr(tables, "read_text", read_a_part)
+    with pytest.raises(StudyError, match=r"swipe\.csv changed while it was read"):
         read_columns(path)

@@ -8,6 +8,7 @@ from frictus.files import require_file
 from frictus_service.data_import.formats import arrays, signals, tables
 from frictus_service.data_import.formats.columns import Columns
 from frictus_service.errors import StudyError
+from frictus_service.study.file_state import unchanged
 
 ACCEPTED: Final = (
     "accepted: MATLAB (.mat, level 5 or 7.3), HDF5, CSV, TSV and other text, WAV, Parquet, TDMS"
@@ -33,9 +34,15 @@ def read_columns(path: Path) -> Columns:
     ------
     FileNotFoundError, PermissionError
     StudyError
-        If it is of no known format, damaged, or too large; the text says which.
+        If it is of no known format, damaged, too large, or changes while it is read; the text
+        says which.
     """
     reader = _reader(path)
+    with unchanged(path):  # a part of text that ends with a line reads as if it were whole
+        return _read(reader, path)
+
+
+def _read(reader: Callable[[Path], Columns], path: Path) -> Columns:
     try:
         return reader(path)
     except StudyError as error:
