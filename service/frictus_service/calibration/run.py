@@ -26,7 +26,7 @@ from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.plan import HOPELESS, Ask, is_hopeless, plan_of
 from frictus_service.calibration.rehearsal import rehearse
-from frictus_service.calibration.session import Cue, TrialSession, span_of, status_of
+from frictus_service.calibration.session import REST_N, Cue, TrialSession, span_of, status_of
 from frictus_service.errors import CaptureError, EstimateError, Exclusion, FieldError
 from frictus_service.identification.observation.observe import observe
 from frictus_service.identification.observation.response import TrialObservations
@@ -37,8 +37,6 @@ from frictus_service.synthesis.scene import compile_excitation
 
 TRIES: Final = 3
 """How often a trial that comes in too incomplete is recorded before the calibration ends."""
-REST_N: Final = 0.4
-"""Shown when nothing is asked for."""
 PAPER_MOUNT: Final = Mount().lateral
 
 

@@ -144,6 +144,8 @@ SETTLE_S: Final = 0.25
 """Least approach beyond the rig's lead: the drive has faded in by then."""
 GUIDANCE_S: Final = 1.0 / 30.0
 TELL_S: Final = 0.5
+REST_N: Final = 0.4
+"""Shown when nothing is asked for."""
 REASON_S: Final = CONFIRM_S + 1.0
 """A lease that was taken away before the rig confirmed it knows why only then."""
 
@@ -222,11 +224,16 @@ class TrialSession:
             If the rig does not let itself be armed, or cannot play this.
         """
         self._check_stop()
-        with self._rig.arm(LEASE_MS, keep_model=True) as lease:
-            self._rig.excite(ask.excitation)
-            # Only now: whatever is heard from here on is sensed with the drive ordered.
-            with StreamReader(self._rig, self.strokes) as heard:
-                return self._listen(heard, lease, ask, cue, info)
+        try:
+            with self._rig.arm(LEASE_MS, keep_model=True) as lease:
+                self._rig.excite(ask.excitation)
+                # Only now: whatever is heard from here on is sensed with the drive ordered.
+                with StreamReader(self._rig, self.strokes) as heard:
+                    return self._listen(heard, lease, ask, cue, info)
+        except BaseException:
+            # Else screens ask for this trial still, and a virtual finger presses on.
+            self._guide(replace(cue, force_n=REST_N), "break", 0.0, 0.0, None)
+            raise
 
     def _listen(
         self, heard: StreamReader, lease: Lease, ask: Ask, cue: Cue, info: TrialInfo
@@ -339,7 +346,7 @@ def status_of(rig: Rig) -> RigStatus:
     status = rig.status()
     if status.state == "tripped":
         fault = status.fault
-        why = f": {fault.reason} {fault.action}" if fault is not None else ""
+        why = f": {fault.reason}. {fault.action}" if fault is not None else ""
         raise CalibrationError(f"rig {rig.name} is tripped{why}")
     if status.owner is not None:
         raise CalibrationError(

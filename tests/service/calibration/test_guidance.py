@@ -1,12 +1,25 @@
 """Guidance: the reference moves at the target speed, the colour tells the force."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.rig_status import rig_status
 
-from frictus.messages import FingerState
-from frictus_service.calibration.session import Cue, colour_of, guide, reference_x_mm, span_of
+from frictus.messages import Fault, FingerState
+from frictus.rig import Rig
+from frictus_service.calibration.session import (
+    Cue,
+    colour_of,
+    guide,
+    reference_x_mm,
+    span_of,
+    status_of,
+)
+from frictus_service.errors import CalibrationError
 
 SPAN_MM = (5.0, 65.0)
 CUE = Cue(trial=3, trials=10, speed_mm_s=40.0, force_n=0.4, span_mm=SPAN_MM)
@@ -98,3 +111,14 @@ def test_the_reference_waits_outside_of_trials(phase: str) -> None:
 def test_strokes_keep_off_the_edges() -> None:
     assert span_of((70.0, 35.0)) == (5.0, 65.0)
     assert span_of((20.0, 20.0)) == (2.0, 18.0)
+
+
+def test_a_tripped_rig_is_told_in_sentences() -> None:
+    fault = Fault(
+        kind="safety", reason="1.1 N, 1 N is accepted", utc_ns=1, action="Find out why."
+    )
+    rig = SimpleNamespace(name="rig1", status=lambda: rig_status(state="tripped", fault=fault))
+    with pytest.raises(
+        CalibrationError, match=r"tripped: 1\.1 N, 1 N is accepted\. Find out why"
+    ):
+        status_of(cast(Rig, rig))

@@ -41,6 +41,7 @@ from frictus_service.calibration.job import (
 from frictus_service.calibration.plan import HOPELESS
 from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.run import CalibrationRun, run_calibration
+from frictus_service.calibration.session import REST_N
 from frictus_service.cli.app import app
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
@@ -295,6 +296,21 @@ def test_a_calibration_that_was_cancelled_goes_on(
     other = spec.model_copy(update={"seed": spec.seed + 1})
     with pytest.raises(FolderError, match="seed"):
         run_calibration(other, tmp_path, client, "lab", told.append, lambda: False)
+
+
+def test_a_trial_that_ends_early_asks_for_nothing_more(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    told: list[Progress] = []
+
+    def at_once() -> bool:
+        return told[-1].phase == "approach"
+
+    with client.rig("rig1").guidance(timeout_s=10.0) as feed:
+        with pytest.raises(CancelledError):
+            run_calibration(spec_of(rng), tmp_path, client, "lab", told.append, at_once)
+        last = next(state for state in feed if state.phase not in ("approach", "record"))
+    assert (last.phase, last.target_force_n, last.seconds_left) == ("break", REST_N, 0.0)
 
 
 def test_losing_the_rig_keeps_what_is_finished(
