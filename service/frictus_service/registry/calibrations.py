@@ -246,6 +246,9 @@ class Calibrations:
         """
         now_ns = self._clock_ns()
         here = (calibrations.c.site == site) & calibrations.c.state.in_(ACTIVE)
+        with self._database.read() as connection:  # a registry that is read-only is read
+            if connection.execute(select(calibrations.c.id).where(here)).first() is None:
+                return []
         with self._database.write() as connection:
             ended = connection.execute(
                 update(calibrations)

@@ -13,6 +13,7 @@ from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, 
 from frictus_service.errors import (
     CalibrationStateError,
     KeyReusedError,
+    RegistryUnavailableError,
     RigBusyError,
     UnknownCalibrationError,
 )
@@ -115,6 +116,19 @@ def test_of_many_that_start_at_once_one_does(registry: Registry) -> None:
     for thread in threads:
         thread.join(60.0)
     assert (len(started), len(refused)) == (1, 5)
+
+
+def test_where_nothing_ran_nothing_is_written(
+    registry: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create(registry)
+    registry.calibrations.interrupt("lab")
+
+    def write() -> None:
+        raise RegistryUnavailableError("attempt to write a readonly database")
+
+    monkeypatch.setattr(registry.database, "write", write)
+    assert registry.calibrations.interrupt("lab") == []
 
 
 def test_what_ran_at_a_site_is_interrupted(registry: Registry) -> None:
