@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.service.identification.trials import STUDY, Made, numbered, trial
+from typer.testing import CliRunner
 
+from frictus_service.cli.app import app
+from frictus_service.discovery import impact_recording
 from frictus_service.discovery.discover import discover_study
 from frictus_service.errors import StudyError
 from frictus_service.identification.pipeline.study import observe_study
 from frictus_service.study.file_state import unchanged
 from frictus_service.study.writer import StudyWriter
+from frictus_service.tracking import recorded
 
 CHANGES: dict[str, Callable[[Path], object]] = {
     "written": lambda file: file.write_bytes(b"another"),
@@ -96,3 +100,31 @@ def test_observations_of_workers_are_of_one_study(studies: list[Path]) -> None:
 
     with pytest.raises(StudyError, match="changed while it was read"):
         observe_study(path, workers=1, tell=replaced)
+
+
+def test_a_study_that_vanishes_while_it_is_tracked_is_said_to_have(
+    studies: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def follow(*_: object) -> dict[str, object]:
+        studies[0].unlink()
+        return {}
+
+    monkeypatch.setattr(recorded, "follow_study", follow)
+    told = CliRunner().invoke(app, ["track", str(studies[0])]).stderr
+    assert "one.h5 was deleted or moved while it was read" in told
+
+
+def test_blows_that_are_written_over_while_they_are_read_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, read = tmp_path / "blows.npy", impact_recording.read_impacts
+    np.save(path, np.zeros(1_000))
+
+    def read_and_cut(path: Path, rate_hz: float | None) -> impact_recording.ImpactRecording:
+        blows = read(path, rate_hz)
+        path.write_bytes(b"")
+        return blows
+
+    monkeypatch.setattr(impact_recording, "read_impacts", read_and_cut)
+    told = CliRunner().invoke(app, ["mount", str(path), "--rate", "5000"]).stderr
+    assert "blows.npy changed while it was read" in told

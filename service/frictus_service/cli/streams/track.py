@@ -182,15 +182,18 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
     """Follow each participant of a study; return the estimate of the one that was named."""
     from frictus_service.calibration.coordinates import Prior
     from frictus_service.errors import EstimateError
+    from frictus_service.study.file_state import unchanged
     from frictus_service.study.reader import StudyReader
     from frictus_service.tracking.recorded import follow_study
 
-    with StudyReader(file) as reader:
+    with unchanged(file), StudyReader(file) as reader:
         if any(len(asked.tones_hz) == 1 for asked in reader.trials):
             sys.stderr.write(f"{OF_TONES}\n")
         states = follow_study(reader, Prior.weak(), lambda told: _show(told, as_json))
         for left_out in reader.excluded:
             sys.stderr.write(f"trial {left_out.trial} is left out: {left_out.reason}\n")
+    if not states:
+        raise EstimateError(f"{file} has no trial that can be followed; see what is left out")
     if participant is None and len(states) == 1:
         return next(iter(states.values()))
     if participant not in states:

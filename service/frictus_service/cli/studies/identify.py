@@ -227,13 +227,15 @@ def mount(
     from frictus_service.discovery.between_recordings import between_recordings
     from frictus_service.discovery.impact_recording import read_impacts
     from frictus_service.discovery.ring_down import estimate_ring_down
+    from frictus_service.study.file_state import unchanged
 
     if len({path.resolve() for path in recordings}) < len(recordings):
         raise typer.BadParameter("a recording is given twice; it would count as two")
     check_out(out, *recordings)
     each = []
     for path in recordings:
-        blows = read_impacts(path, rate_hz)
+        with unchanged(path):
+            blows = read_impacts(path, rate_hz)
         each.append(estimate_ring_down(blows.samples, blows.rate_hz, band))
     found = between_recordings(each) if len(each) > 1 else each[0]
     if out is not None:
