@@ -296,9 +296,15 @@ def write_out(out: Path, content: bytes) -> None:
         As `check_out` accepts it; what stands there is replaced.
     content : bytes
         Of the file.
+
+    Raises
+    ------
+    ArgumentError
+        If its folder has gone since.
     """
     from frictus_service.durable import replace_file
 
+    check_out(out)
     if out.exists() and not out.is_file():
         out.write_bytes(content)
     else:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.cli.options import Exit
+from frictus.errors import ArgumentError
+from frictus_service.cli.options import Exit, write_out
 
 MAIN = "from frictus_service.cli import main; main()"
 MEMORY = "import resource; resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30)); " + MAIN
@@ -204,3 +205,8 @@ def test_what_is_read_is_not_written_over(
         assert code == Exit.USAGE
         assert why in said
     assert file.read_text() == content
+
+
+def test_a_folder_for_a_result_that_has_gone_meanwhile_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"--out .*x\.json: there is no folder .*gone"):
+        write_out(tmp_path / "gone" / "x.json", b"{}")
