@@ -14,6 +14,8 @@ from frictus_laboratory.live_model.laws import model_of
 from frictus_laboratory.live_model.session_plan import motion_of
 from frictus_service.discovery.document import OneRecording
 
+pytestmark = pytest.mark.long
+
 DELAY_S = 60e-6
 
 
@@ -43,7 +45,7 @@ def test_where_the_model_is_right_nothing_explains_the_recording(
     assert not ranked.beyond_threshold, ranked.models[0]
 
 
-@pytest.mark.timeout(400)  # 75 s of a slow core alone, and CI has it give way to the browser's
+@pytest.mark.timeout(400)  # 75 s of a slow core
 @pytest.mark.parametrize(("name", "within"), [("paper", 0.02), ("grating", 0.1)])
 def test_a_delay_is_named_and_measured(
     name: str, within: float, rng: np.random.Generator

@@ -55,6 +55,7 @@ def test_a_finger_is_followed_where_it_may_be_and_left_where_not() -> None:
     assert adapt.arithmetic_s > 0.0
 
 
+@pytest.mark.long
 def test_a_finger_that_keeps_to_one_speed_tells_no_slope() -> None:
     """Errors of its speed were taken for other speeds: its law was flat."""
     plan = replace(PLAN, seconds=24.0, policy="observe", first=model_of(PERSON))

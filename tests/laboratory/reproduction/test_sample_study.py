@@ -10,6 +10,7 @@ from frictus_laboratory.reproduction.sample_study import HIDDEN, VARIES, write_s
 from frictus_service.discovery.discover import discover_study
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hidden", HIDDEN, ids=[effect for effect, _, _ in HIDDEN])
 def test_each_of_the_effects_is_named_with_its_size(
     hidden: tuple[str, str, float],

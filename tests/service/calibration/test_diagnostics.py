@@ -50,6 +50,7 @@ def of(found: FitDiagnostics) -> HeldOutFit:
     return found.held_out
 
 
+@pytest.mark.long
 def test_points_lie_about_the_truth_by_their_intervals(rng: np.random.Generator) -> None:
     held = []
     for _ in range(16):  # the points of one speed share their trials, and so their fate

@@ -101,6 +101,7 @@ def test_what_is_used_left_out_kept_and_said(
     assert bad.rpartition("/")[2] in html
 
 
+@pytest.mark.long
 def test_a_damaged_result_is_made_again(
     laboratories: tuple[list[Path], list[str]], tmp_path: Path
 ) -> None:

@@ -15,6 +15,7 @@ from frictus_service.discovery.inference.mode_fit import (
 )
 
 
+@pytest.mark.long
 def test_a_mode_is_where_it_is_whatever_its_quality(rng: np.random.Generator) -> None:
     truth = rng.uniform(200.0, 450.0), np.exp(rng.uniform(np.log(2.0), np.log(8.0)))
     problem = skins_with_mode(rng, rng.uniform(0.4, 1.2), *truth)
