@@ -52,7 +52,7 @@ _ADVICE: Final = {
     "readonly database": "the account that frictus runs under must be allowed to write the "
     "file and its folder",
     "unable to open database file": "its folder has to be there, and the account that frictus "
-    "runs under must be allowed to read and write both",
+    "runs under must be allowed to read and write both; see registry.url in the configuration",
     "malformed": "put a backup back (docs/registry.md)",
     "disk is full": "make room there, and ask again",
     "locked": f"another program has written it for more than {BUSY_MS / 1e3:g} s: end that "
