@@ -100,7 +100,8 @@ _WORDS: Final[Mapping[str, _Words]] = {
     ),
     "switch_by_time": _Words(
         "the {part} changes by exp({log_change}) {threshold_min} min into the session",
-        "something that was changed: cable, amplifier, mount, screen wiped, finger washed",
+        "something that was changed: cable, amplifier, mount, screen wiped, finger washed; or "
+        "a drift that soon levels off",
         "the log of the session at that time, and the first trials repeated at the end",
     ),
     "knee_above_speed": _Words(
