@@ -181,12 +181,17 @@ class Experiment:
     def _go_on(self, log: TrialLog) -> None:
         """Write the header of a new log, or take in the trials of an old one."""
         if not log.rows:
-            header = {"format": FORMAT, "utc_ns": time.time_ns(), "seed": self._seed}
-            person = {"participant": self._participant, "order_row": self._order_row}
-            log.append(header | person | {"protocol": self.protocol.model_dump(mode="json")})
+            header: dict[str, Any] = {
+                "format": FORMAT,
+                "utc_ns": time.time_ns(),
+                "participant": self._participant,
+                "seed": self._seed,
+                "order_row": self._order_row,
+                "protocol": self.protocol.model_dump(mode="json"),
+            }
+            log.append(header)
             return
-        held = log.rows[0].get("participant")
-        if held != self._participant:
+        if (held := log.rows[0].get("participant")) != self._participant:
             raise ArgumentError(
                 f"{self._path} is of participant {held!r}, not {self._participant!r}: one each"
             )
