@@ -16,6 +16,7 @@ from frictus_service.api.access import needs
 from frictus_service.api.limits import RequestLimits
 from frictus_service.api.services import Given, Services
 from frictus_service.config import Scope
+from frictus_service.errors import UnknownJobError
 from frictus_service.jobs.engine import Job, JobEngine
 
 LOOK_S: Final = 0.2
@@ -143,7 +144,10 @@ class JobRoutes(Generic[Job]):
 
             def look() -> tuple[bool, Sequence[Event]]:
                 # First the state: what was told before it changed is then among the events.
-                active = jobs.is_active(found.id)
+                try:
+                    active = jobs.is_active(found.id)
+                except UnknownJobError:  # its folder was deleted: GET says so from now on
+                    active = False
                 return active, events(given)(found.id, number)
 
             while not jobs.closing:

@@ -3,10 +3,13 @@
 import errno
 import json
 import os
+import queue
+import shutil
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import pytest
 from fastapi.testclient import TestClient
@@ -125,6 +128,33 @@ def test_failures_say_why(api: TestClient) -> None:
     assert states(follow(api, bad))[-1] == "failed"
     assert api.get(bad).json()["failure"] == "trial 7 has no position"
     assert states(follow(api, fatal))[-1] == "interrupted"
+
+
+def test_events_end_where_the_folder_is_deleted(
+    api: TestClient,
+    studies: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    stepwise_discovery.allow(studies, 1)
+    job = start(api).headers["location"]
+    wait_until(api, job, "step 1")
+    store = cast(Any, api.app).state.services.discoveries.store
+    told, events = queue.SimpleQueue[str](), store.events
+
+    def events_and_tell(of: str, after: int) -> Any:
+        found = events(of, after)
+        told.put(of)
+        return found
+
+    monkeypatch.setattr(store, "events", events_and_tell)
+    with ThreadPoolExecutor() as pool:
+        followed = pool.submit(follow, api, job)
+        told.get()
+        shutil.rmtree(studies / "discoveries" / job.rpartition("/")[2])
+        assert states(followed.result()) == ["queued", "running"]
+    assert "Traceback" not in caplog.text
+    assert "was deleted or moved" in api.get(job).json()["detail"]
 
 
 def test_a_study_is_a_file_below_the_folder(api: TestClient, studies: Path) -> None:
