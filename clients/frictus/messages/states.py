@@ -221,6 +221,8 @@ class RigStatus(Message):
     """To which it may grow at an arming after an underrun; `lead_ms`: it is fixed."""
     screen_mm: SpanMm
     screen_peak_v: Annotated[FiniteFloat, Field(ge=0.0, le=1e5)]
+    force_limit_n: Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)] | None = None
+    """A force on the screen, of any direction, beyond which the rig trips; None: not said."""
     converter_steps: dict[str, Annotated[FiniteFloat, Field(gt=0.0, le=1e6)]] = {}
     """Value of one count of the converter behind a stream, in the stream's unit."""
     touch_latency_s: LengthS | None = None

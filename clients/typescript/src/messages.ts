@@ -424,6 +424,7 @@ export interface RigStatus {
   max_lead_ms: number | null;
   screen_mm: [number, number];
   screen_peak_v: number;
+  force_limit_n: number | null;
   converter_steps: Record<string, number>;
   touch_latency_s: number | null;
   aux: Array<AuxChannel>;

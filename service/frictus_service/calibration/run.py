@@ -26,7 +26,14 @@ from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.plan import HOPELESS, Ask, is_hopeless, plan_of
 from frictus_service.calibration.rehearsal import rehearse
-from frictus_service.calibration.session import REST_N, Cue, TrialSession, span_of, status_of
+from frictus_service.calibration.session import (
+    REST_N,
+    Cue,
+    TrialSession,
+    check_forces,
+    span_of,
+    status_of,
+)
 from frictus_service.errors import CaptureError, EstimateError, Exclusion, FieldError
 from frictus_service.identification.observation.observe import observe
 from frictus_service.identification.observation.response import TrialObservations
@@ -76,7 +83,8 @@ def run_calibration(
     CancelledError
         If `cancelled` said so; finished trials are kept.
     CalibrationError
-        If the rig trips, takes the lease away, falls silent or loses too many samples.
+        If the rig trips, takes the lease away, falls silent or loses too many samples, or would
+        trip at a force that is asked for.
     FolderError
         If the folder holds another calibration.
     EstimateError
@@ -86,6 +94,7 @@ def run_calibration(
     """
     rig = client.rig(spec.rig, site)
     status = status_of(rig)
+    check_forces(status, spec.protocol.forces_n)
     calibration = CalibrationRun(
         spec, CalibrationFolder.open(folder, spec), status, mount, tell
     )

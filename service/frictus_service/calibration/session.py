@@ -4,8 +4,9 @@ The drive is on while a trial runs, and at no other time. All phases are measure
 the device.
 """
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Final, Literal
@@ -354,3 +355,30 @@ def status_of(rig: Rig) -> RigStatus:
             "it; then start again"
         )
     return status
+
+
+def check_forces(status: RigStatus, forces_n: Sequence[float]) -> None:
+    """Refuse forces at which the rig would trip while the finger presses as it is asked to.
+
+    Parameters
+    ----------
+    status : RigStatus
+        Of the rig.
+    forces_n : sequence of float
+        Normal forces that are asked for, at least one.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    limit_n = status.force_limit_n
+    if limit_n is None:  # a rig of another version
+        return
+    most_n = limit_n / (1.0 + IN_RANGE)
+    if max(forces_n) > most_n:
+        raise CalibrationError(
+            f"rig {status.rig} trips above {limit_n:g} N, and a finger that is asked for "
+            f"{max(forces_n):g} N may press with {IN_RANGE:.0%} more: ask for at most "
+            f"{math.floor(100.0 * most_n) / 100.0:g} N, or raise force_limit_n in the rig's "
+            "[limits]"
+        )

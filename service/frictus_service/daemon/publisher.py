@@ -70,6 +70,8 @@ class Publisher:
         What does not change while the rig is open.
     block_samples : int
         Samples of one block.
+    force_limit_n : float
+        Beyond which the loop trips.
     loop : BlockLoop
         Whose blocks are taken.
     interlock : Interlock
@@ -94,6 +96,7 @@ class Publisher:
         keys: RigKeys,
         info: RigInfo,
         block_samples: int,
+        force_limit_n: float,
         loop: BlockLoop,
         interlock: Interlock,
         stage: SceneController,
@@ -109,6 +112,7 @@ class Publisher:
         self._keys = keys
         self._info = info
         self._block_samples = block_samples
+        self._force_limit_n = force_limit_n
         self._loop = loop
         self._interlock = interlock
         self._stage = stage
@@ -311,6 +315,7 @@ class Publisher:
             max_lead_ms=self._ms(info.longest_lead_samples),
             screen_mm=info.screen_mm,
             screen_peak_v=info.screen_peak_v,
+            force_limit_n=self._force_limit_n,
             converter_steps=dict(info.converter_steps),
             touch_latency_s=info.touch_latency_s,
             aux=tuple(AuxChannel(name=name, unit=unit) for name, unit in info.aux),

@@ -224,6 +224,7 @@ class _Parts:
             self.config.keys,
             self.info,
             self.config.block_samples,
+            self.config.limits.force_limit_n,
             self.loop,
             self.interlock,
             self.stage,

@@ -1,5 +1,6 @@
 """Guidance: the reference moves at the target speed, the colour tells the force."""
 
+import re
 from types import SimpleNamespace
 from typing import cast
 
@@ -13,6 +14,7 @@ from frictus.messages import Fault, FingerState
 from frictus.rig import Rig
 from frictus_service.calibration.session import (
     Cue,
+    check_forces,
     colour_of,
     guide,
     reference_x_mm,
@@ -122,3 +124,17 @@ def test_a_tripped_rig_is_told_in_sentences() -> None:
         CalibrationError, match=r"tripped: 1\.1 N, 1 N is accepted\. Find out why"
     ):
         status_of(cast(Rig, rig))
+
+
+@pytest.mark.parametrize("limit_n", [1.0, 0.55, 10.0])
+def test_a_force_at_which_the_rig_would_trip_is_not_asked_for(limit_n: float) -> None:
+    status = rig_status(force_limit_n=limit_n)
+    with pytest.raises(CalibrationError, match="raise force_limit_n") as refused:
+        check_forces(status, (0.2, limit_n))
+    (advised_n,) = re.findall(r"ask for at most ([\d.]+) N", str(refused.value))
+    check_forces(status, (float(advised_n),))
+    assert 0.98 * limit_n - 0.01 < 1.1 * float(advised_n) <= limit_n
+
+
+def test_a_rig_that_does_not_say_its_limit_is_asked_for_any_force() -> None:
+    check_forces(rig_status(), (10.0,))

@@ -186,6 +186,17 @@ def test_a_rig_that_somebody_holds_is_refused_before_anything_is_prepared(
     assert not told
 
 
+def test_a_force_at_which_the_rig_would_trip_is_refused_before_anything_is_prepared(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    told: list[Progress] = []
+    spec = spec_of(rng, BRIEF.model_copy(update={"forces_n": (0.4, 9.5)}))
+    with pytest.raises(CalibrationError, match=r"trips above 10 N.*ask for at most 9\.09 N"):
+        run_calibration(spec, tmp_path, client, "lab", told.append, lambda: False)
+    assert not told
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_rig_of_the_same_name_at_another_site_is_left_alone(
     client: frictus.Client, rng: np.random.Generator, tmp_path: Path
 ) -> None:

@@ -39,6 +39,7 @@ class Published:
             KEYS,
             self.bench.rig.info,
             100,
+            10.0,
             self.bench.loop,
             self.desk.interlock,
             self.desk.stage,
@@ -160,6 +161,7 @@ def test_a_lead_that_grew_is_said_published_and_counted(published: Published) ->
         KEYS,
         bench.rig.info,
         100,
+        10.0,
         bench.loop,
         published.desk.interlock,
         published.desk.stage,
@@ -172,6 +174,7 @@ def test_a_lead_that_grew_is_said_published_and_counted(published: Published) ->
     publisher._publish_states()
     status = publisher.status()
     assert (status.lead_ms, status.max_lead_ms) == (5.0, 20.0)
+    assert status.force_limit_n == 10.0
     assert (status.counters.lead_growths, said) == (0, [])
     bench.rig.faults.add(EmptyOutput(at_sample=5_000, samples=100))
     bench.rig.faults.add(EmptyOutput(at_sample=5_100, samples=30))
