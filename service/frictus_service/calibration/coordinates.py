@@ -16,6 +16,7 @@ from scipy import stats
 
 from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
 from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.calibration.job import SIMULATED
 from frictus_service.errors import EstimateError, PriorError
 
 LOW_MM_S: Final = 20.0
@@ -200,6 +201,21 @@ the simulated participants scatter."""
 _WEAK_SD: Final = np.array([0.5, 0.5, 0.6, 200e-6])
 _LEAST_SD: Final = np.array([0.03, 0.03, 0.03, 1e-6])
 """People differ by this much, whatever few of them say: the line of a population is bent."""
+
+
+def of_people(models: Sequence[Model], simulated_rig: bool) -> tuple[Model, ...]:
+    """Return the models that say how fingers on a rig differ: on a real one people's alone.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        Of earlier people, and of simulated participants.
+    simulated_rig : bool
+        On a simulated one all of them are used.
+    """
+    return tuple(
+        model for model in models if simulated_rig or not model.provenance.get(SIMULATED)
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,15 @@ from frictus_service.calibration.conclusion import (
     prior_of,
     why_wider,
 )
+from frictus_service.calibration.coordinates import of_people
 from frictus_service.calibration.folder import CalibrationFolder
-from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
+from frictus_service.calibration.job import (
+    SIMULATED,
+    CalibrationResult,
+    CalibrationSpec,
+    Phase,
+    Progress,
+)
 from frictus_service.calibration.plan import HOPELESS, Ask, is_hopeless, plan_of
 from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.session import (
@@ -139,7 +146,9 @@ class CalibrationRun:
         mount: TransferFunction | None,
         tell: Callable[[Progress], None],
     ) -> None:
-        self._spec = spec
+        prior = of_people(spec.prior, status.simulated)
+        self._left_out = len(spec.prior) - len(prior)
+        self._spec = spec = spec.model_copy(update={"prior": prior})
         self._kept = kept
         self._status = status
         self._span = span_of(status.screen_mm)
@@ -295,6 +304,16 @@ class CalibrationRun:
                     study.read(info.id) for info in study.trials if info.id in accepted
                 )
             notes = (*notes, *more)
+        if self._left_out:
+            notes = (
+                *notes,
+                f"{self._left_out} models of simulated participants teach nothing here",
+            )
+        told = result.model.provenance | {SIMULATED: self._status.simulated}
         return result.model_copy(
-            update={"details": result.details | details, "notes": (*result.notes, *notes)}
+            update={
+                "model": result.model.model_copy(update={"provenance": told}),
+                "details": result.details | details,
+                "notes": (*result.notes, *notes),
+            }
         )

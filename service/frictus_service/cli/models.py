@@ -253,7 +253,9 @@ def activate(
         frictus.connect(target.router, tls=target.tls) as client,
     ):
         version = registry.get(reference)
-        confirmed, remarks = target.choose(client).apply_model(version.model)
+        asked = target.choose(client)
+        remark = version.remark_on(rig, asked.status().simulated)
+        confirmed, remarks = asked.apply_model(version.model)
         try:
             activation = registry.activations.record(
                 version, site=target.site, rig=rig, confirmed=confirmed, by=whoever_asks()
@@ -264,7 +266,7 @@ def activate(
                 f"down, so activate it again later: {error}"
             ) from error
     as_published = confirmed == version.etag
-    remarks = "; ".join(filter(None, (remarks, version.remark_on(rig))))
+    remarks = "; ".join(filter(None, (remarks, remark)))
     if wants_lines(as_json):
         write_line(
             event="activated",

@@ -16,7 +16,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
-from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
+from frictus_service.calibration.job import (
+    SIMULATED,
+    CalibrationResult,
+    CalibrationSpec,
+    Progress,
+)
 from frictus_service.errors import ProvenanceError, RegistryNameError
 from frictus_service.job_folder import State
 
@@ -186,21 +191,25 @@ class VersionSummary(_Document):
             f"as one of {person!r}: for another finger, activate or publish another name"
         )
 
-    def remark_on(self, rig: str) -> str:
-        """Return what to say of its use on a rig; empty where nothing is amiss."""
-        if self.rig in (None, rig):
-            return self.remark
-        elsewhere = (
-            f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
-            "otherwise; calibrate here, or see that both are alike"
-        )
-        return "; ".join(filter(None, (self.remark, elsewhere)))
-
 
 class Published(VersionSummary):
     """A published version; it never changes."""
 
     model: Model
+
+    def remark_on(self, rig: str, simulated_rig: bool) -> str:
+        """Return what to say of its use on a rig; empty where nothing is amiss."""
+        remarks = [self.remark]
+        if self.rig not in (None, rig):
+            remarks.append(
+                f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
+                "otherwise; calibrate here, or see that both are alike"
+            )
+        if self.model.provenance.get(SIMULATED) and not simulated_rig:
+            remarks.append(
+                "a simulated rig measured it, and no finger of a person: calibrate here"
+            )
+        return "; ".join(filter(None, remarks))
 
 
 class VersionPage(_Document):

@@ -8,7 +8,7 @@ import frictus
 from frictus.errors import LinkError, NoRigError, SilenceError
 from frictus.keys import Topics
 from frictus.session import declare_latest_publisher
-from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.coordinates import Prior, of_people
 from frictus_service.config import Config
 from frictus_service.errors import ConfigurationError, FieldError, PriorError, RegistryError
 from frictus_service.processes import ReadySignal
@@ -57,7 +57,6 @@ def run_tracker(
             f"tracker.mount: {error}; accepted: 'paper', 'none', or a file as `frictus mount` "
             "writes it"
         ) from error
-    population = population_of(config, say)
     with frictus.connect(
         config.router.endpoint,
         name=NAME,
@@ -75,7 +74,7 @@ def run_tracker(
                 with LiveTracker(
                     rig,
                     mount,
-                    population,
+                    population_of(config, rig.status().simulated, say),
                     lambda state: publisher.put(state.to_json()),
                     ModelChangeLog(config.tracker.audit),
                 ) as live:
@@ -88,13 +87,15 @@ def run_tracker(
                 stop.wait(AGAIN_S)
 
 
-def population_of(config: Config, say: Callable[[str], None]) -> Prior:
+def population_of(config: Config, simulated_rig: bool, say: Callable[[str], None]) -> Prior:
     """Return what is known of people from whom models were published.
 
     Parameters
     ----------
     config : Config
         With the registry.
+    simulated_rig : bool
+        A real one learns nothing from simulated participants.
     say : callable
         Told where it cannot be read.
     """
@@ -103,7 +104,7 @@ def population_of(config: Config, say: Callable[[str], None]) -> Prior:
         return Prior.weak()
     try:
         with registry:
-            return Prior.learn(earlier_people(registry, ""))
+            return Prior.learn(of_people(earlier_people(registry, ""), simulated_rig))
     except (RegistryError, PriorError) as error:
         say(f"begins from a weak prior, since earlier models cannot be read: {error}")
         return Prior.weak()

@@ -1,14 +1,18 @@
 """What is said at the end: why an interval grew, and how the law meets unseen trials."""
 
 import itertools
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.rig_status import rig_status
 
+from frictus.model import Validity
 from frictus_service.calibration import conclusion
+from frictus_service.calibration import run as run_module
 from frictus_service.calibration.conclusion import WIDER, conclude, why_wider
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.folder import CalibrationFolder
@@ -101,3 +105,35 @@ def test_trials_that_give_no_law_say_which_sensor_lies_otherwise(
     with pytest.raises(EstimateError, match="none of 0 trials") as caught:
         run.conclude()
     assert "unknown" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("simulated", "learned_from"), [(True, 2), (False, 1)])
+def test_a_real_rig_learns_nothing_from_simulated_participants(
+    simulated: bool,
+    learned_from: int,
+    rng: np.random.Generator,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    earlier = [
+        estimate(draw(rng, somebody(rng), paper_asks()[::5], STEADY), Prior.weak()).model(
+            name, Validity(), {"simulated": virtual}
+        )
+        for name, virtual in (("ann", False), ("virtual", True))
+    ]
+    spec = CalibrationSpec(rig="rig1", participant="p", prior=tuple(earlier), seed=1)
+    kept = CalibrationFolder.open(tmp_path / "it", spec)
+    run = CalibrationRun(spec, kept, rig_status(simulated=simulated), None, lambda _: None)
+    trials = draw(rng, somebody(rng), paper_asks()[::5], STEADY)
+    monkeypatch.setattr(CalibrationFolder, "merge", lambda *_: [])
+    monkeypatch.setattr(CalibrationRun, "_observations", lambda _: trials)
+    monkeypatch.setattr(run_module, "linearity_of", lambda _: (None, ()))
+    monkeypatch.setattr(
+        run_module, "StudyReader", lambda _: nullcontext(SimpleNamespace(trials=()))
+    )
+    kept.study.write_bytes(b"hashed, and not read")
+    result = run.conclude()
+    assert result.model.provenance["earlier_models"] == learned_from
+    assert result.model.provenance["simulated"] is simulated
+    said = [note for note in result.notes if "simulated participants" in note]
+    assert len(said) == 2 - learned_from

@@ -6,7 +6,7 @@ import pytest
 from frictus.model import Covariance, FirstOrderSpeedLaw, MassSpringDamper, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.coordinates import FAR, FEWEST, Prior
+from frictus_service.calibration.coordinates import FAR, FEWEST, Prior, of_people
 from frictus_service.errors import PriorError
 
 MEAN = np.array([6.5, 7.4, -0.9, 30e-6])
@@ -132,3 +132,15 @@ def test_what_cannot_be_learned_from_is_refused(rng: np.random.Generator) -> Non
         Prior.learn([*good, skin])
     with pytest.raises(PriorError, match="more than one model of P0"):
         Prior.learn([*good, good[0]])
+
+
+def test_a_real_rig_learns_from_people_alone(rng: np.random.Generator) -> None:
+    models = people(rng, 12)
+    for number, simulated in ((2, True), (5, True), (7, False)):
+        told = models[number].provenance | {"simulated": simulated}
+        models[number] = models[number].model_copy(update={"provenance": told})
+    assert of_people(models, simulated_rig=True) == tuple(models)
+    kept = of_people(models, simulated_rig=False)
+    assert [model.participant for model in kept] == [
+        f"P{number}" for number in range(12) if number not in (2, 5)
+    ]

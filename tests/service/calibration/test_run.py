@@ -225,6 +225,7 @@ def _expect_model(result: CalibrationResult) -> None:
     assert law.gain_n == pytest.approx(true.gain_n, rel=0.05)
     assert model.participant == "P01"
     assert not model.placeholder
+    assert model.provenance["simulated"] is True
     assert model.covariance is not None
     assert model.validity.speed_mm_s == (30.0, 90.0)
     assert model.validity.drive_vpp == pytest.approx((150.0, 150.0), rel=0.05)

@@ -44,12 +44,20 @@ def test_versions_count_up_under_each_name(registry: Registry, model: MakeModel)
 
 def test_what_is_to_be_said_of_a_model_on_a_rig(registry: Registry, model: MakeModel) -> None:
     own = registry.publish(model(), "rig1/P01", by="ann", rig="rig1")
-    assert own.remark_on("rig1") == ""
-    assert "measured on rig 'rig1', not on 'rig2'" in own.remark_on("rig2")
+    assert own.remark_on("rig1", simulated_rig=False) == ""
+    assert "measured on rig 'rig1', not on 'rig2'" in own.remark_on("rig2", simulated_rig=False)
     lent = registry.publish(model(participant="P02"), "rig1/P01", by="ann", rig="rig1")
-    assert "'P02', though 'rig1/P01' reads as one of 'P01'" in lent.remark_on("rig1")
+    assert "'P02', though 'rig1/P01' reads as one of 'P01'" in lent.remark_on(
+        "rig1", simulated_rig=False
+    )
+    virtual = model().model_copy(
+        update={"provenance": model().provenance | {"simulated": True}}
+    )
+    drawn = registry.publish(virtual, "rig1/P01", by="ann", rig="rig1")
+    assert drawn.remark_on("rig1", simulated_rig=True) == ""
+    assert "a simulated rig measured it" in drawn.remark_on("rig1", simulated_rig=False)
     everybody = registry.publish(model(participant=None), "rig1/all", by="ann", rig="rig1")
-    assert everybody.remark_on("rig1") == ""
+    assert everybody.remark_on("rig1", simulated_rig=False) == ""
 
 
 def test_what_is_got_is_what_was_published(registry: Registry, model: MakeModel) -> None:

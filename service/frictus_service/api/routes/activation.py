@@ -67,6 +67,7 @@ def activate(
     """
     version = given.registry.get(wanted.model)
     asked = given.link.rig(rig)
+    simulated = asked.status().simulated
     replaces = "*"
     if if_match is not None:
         replaces = required_match(if_match, asked.model().etag)
@@ -85,5 +86,5 @@ def activate(
     return Activated(
         **activation.model_dump(),
         as_published=etag == version.etag,
-        message="; ".join(filter(None, (remarks, version.remark_on(rig)))),
+        message="; ".join(filter(None, (remarks, version.remark_on(rig, simulated)))),
     )

@@ -16,6 +16,7 @@ from frictus_service.api.routes.calibrations import Publication
 from frictus_service.api.routes.jobs import BODY
 from frictus_service.api.routes.rigs import RigName
 from frictus_service.api.services import Given
+from frictus_service.calibration.job import SIMULATED
 from frictus_service.registry.documents import Published
 
 router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
@@ -69,7 +70,8 @@ def publish_estimate(
     wanted: Annotated[EstimatePublication, json_body(EstimatePublication)],
 ) -> Published:
     """Publish the estimate as the next version of a name, with the provenance `live`."""
-    model = _estimate(given.link.rig(rig)).model
+    shown = given.link.rig(rig)
+    model = _estimate(shown).model
     if model is None:
         raise problems.NoEstimateError(
             "nothing was felt yet: play a texture, and slide over it at 10 to 150 mm/s"
@@ -79,8 +81,9 @@ def publish_estimate(
         raise problems.InvalidError(
             "participant: the model in force is of nobody in particular; say whose finger it is"
         )
+    told = model.provenance | {SIMULATED: shown.status().simulated}
     published = given.registry.publish(
-        model.model_copy(update={"participant": participant}),
+        model.model_copy(update={"participant": participant, "provenance": told}),
         wanted.name or f"{rig}/{participant}",
         by=by,
         rig=rig,

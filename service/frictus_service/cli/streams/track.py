@@ -156,7 +156,7 @@ def _track(
     def say(line: str) -> None:
         sys.stderr.write(f"{line}\n")
 
-    population = population_of(config, say)
+    population = population_of(config, rig.status().simulated, say)
     audit = ModelChangeLog(config.tracker.audit)
     with LiveTracker(rig, read_mount(mount), population, publish, audit) as live:
         live.follow(over)

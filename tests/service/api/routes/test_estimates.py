@@ -51,6 +51,7 @@ def test_it_is_published_as_somebodys(api: TestClient, rig: FakeRig) -> None:
     assert (published["participant"], published["rig"]) == ("P07", rig.name)
     model = api.get(f"/v1/models/{rig.name}/P07").json()["model"]
     assert model["provenance"]["source"] == "live"
+    assert model["provenance"]["simulated"] is True
     assert model["base"]["gain_n"] == 0.3
 
 
