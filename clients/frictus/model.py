@@ -123,6 +123,11 @@ class Model(_Carried):
                     )
         return self
 
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulated rig measured it, as its provenance says; it may not know."""
+        return self.provenance.get("simulated") is True
+
     def to_json(self) -> bytes:
         """Return the document as JSON bytes."""
         return self.model_dump_json(by_alias=True).encode()

@@ -16,7 +16,6 @@ from scipy import stats
 
 from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_service.calibration.job import SIMULATED
 from frictus_service.errors import EstimateError, PriorError
 
 LOW_MM_S: Final = 20.0
@@ -213,9 +212,7 @@ def of_people(models: Sequence[Model], simulated_rig: bool) -> tuple[Model, ...]
     simulated_rig : bool
         On a simulated one all of them are used.
     """
-    return tuple(
-        model for model in models if simulated_rig or not model.provenance.get(SIMULATED)
-    )
+    return tuple(model for model in models if simulated_rig or not model.simulated)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,6 @@ ForceN = Annotated[FiniteFloat, Field(gt=0.0, le=10.0)]
 _LEVELS: Final = Field(min_length=1, max_length=100)
 MOST_TRIALS: Final = 5_000
 """A day of them; the paper's are 375."""
-SIMULATED: Final = "simulated"
-"""In the provenance of a model: whether a simulated rig measured it; absent: nobody knows."""
 Phase = Literal["break", "approach", "record", "analyse", "done"]
 
 

@@ -24,13 +24,7 @@ from frictus_service.calibration.conclusion import (
 )
 from frictus_service.calibration.coordinates import of_people
 from frictus_service.calibration.folder import CalibrationFolder
-from frictus_service.calibration.job import (
-    SIMULATED,
-    CalibrationResult,
-    CalibrationSpec,
-    Phase,
-    Progress,
-)
+from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.plan import HOPELESS, Ask, is_hopeless, plan_of
 from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.session import (
@@ -309,7 +303,7 @@ class CalibrationRun:
                 *notes,
                 f"{self._left_out} models of simulated participants teach nothing here",
             )
-        told = result.model.provenance | {SIMULATED: self._status.simulated}
+        told = result.model.provenance | {"simulated": self._status.simulated}
         return result.model_copy(
             update={
                 "model": result.model.model_copy(update={"provenance": told}),

@@ -256,10 +256,11 @@ def facts_of(path: Path | str) -> tuple[StudyFacts, TransferFunction | None]:
     """
     with open_study(path) as study:
         mount, trials, sha256 = study.info.mount, study.trials, study.sha256
-        excluded = study.excluded
+        excluded, simulated = study.excluded, study.info.simulated
     facts = StudyFacts(
         path=str(path),
         sha256=sha256,
+        simulated=simulated,
         participants=len({trial.participant for trial in trials}),
         trials=len(trials) + len(excluded),
         trials_used=0,

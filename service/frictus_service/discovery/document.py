@@ -41,6 +41,8 @@ class StudyFacts(_Document):
 
     path: str
     sha256: str
+    simulated: bool = False
+    """Whether it says that no finger was measured."""
     participants: int
     trials: int
     trials_used: int

@@ -57,6 +57,7 @@ def identify(
     *,
     path: str = "",
     sha256: str = "",
+    simulated: bool = False,
     unreadable: Sequence[Exclusion] = (),
     findings: Sequence[Finding] = (),
     settings: Settings | None = None,
@@ -69,6 +70,8 @@ def identify(
         Of a whole study, in any order; invalid trials are listed, not used.
     path, sha256 : str
         Of the study.
+    simulated : bool
+        Whether the study says that no finger was measured.
     unreadable : sequence of Exclusion
         Trials of the study of which there are no observations.
     findings : sequence of Finding
@@ -99,7 +102,7 @@ def identify(
     values = values_of(friction, mobility, len(table.conditions))
     outliers = outliers_of(values, measured, centre, settings.outlier_mads)
     participants = participants_of(table, measured, fits, outliers)
-    summary = account_for(observations, table, path, sha256, unreadable)
+    summary = account_for(observations, table, path, sha256, simulated, unreadable)
     conditions = conditions_of(table, measured, fits, outliers, settings)
     sweeps: tuple[SweepResult, ...] = ()
     if settings.sweeps and friction is not None:

@@ -180,6 +180,7 @@ def _provenance(identification: Identification) -> dict[str, Any]:
         "settings": identification.settings.model_dump(),
         "seed": identification.settings.seed,
         "trials_used": study.trials_used,
+        "simulated": study.simulated,
     }
     if study.sha256:
         return told | {"study_sha256": study.sha256}

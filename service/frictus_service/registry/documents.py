@@ -16,12 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
-from frictus_service.calibration.job import (
-    SIMULATED,
-    CalibrationResult,
-    CalibrationSpec,
-    Progress,
-)
+from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.errors import ProvenanceError, RegistryNameError
 from frictus_service.job_folder import State
 
@@ -205,7 +200,7 @@ class Published(VersionSummary):
                 f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
                 "otherwise; calibrate here, or see that both are alike"
             )
-        if self.model.provenance.get(SIMULATED) and not simulated_rig:
+        if self.model.simulated and not simulated_rig:
             remarks.append(
                 "a simulated rig measured it, and no finger of a person: calibrate here"
             )

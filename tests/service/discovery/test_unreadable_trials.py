@@ -33,7 +33,7 @@ def test_a_trial_that_lacks_a_channel_is_counted(tmp_path: Path) -> None:
             trial["position_mm"] = np.ones((2, 2))
             trial["position_t_s"] = np.array([0.0, 0.9])
     facts, _ = facts_of(path)
-    assert facts.trials == 2
+    assert (facts.trials, facts.simulated) == (2, False)
     assert [(one.reason.split(":")[0], one.trials) for one in facts.left_out] == [
         ("force_n", 1)
     ]
@@ -45,8 +45,10 @@ def test_it_is_in_the_report_beside_what_is_not_used(
     path = tmp_path / "study.h5"
     with h5py.File(path, "w") as file:
         file.attrs.update(schema="study/1", rig="r", carrier_hz=700.0, screen_peak_v=75.0)
+        file.attrs["simulated"] = 1
         file.create_group("trials/0")
     facts, _ = facts_of(path)
+    assert facts.simulated
     evidence = made(rng)[:3]  # too few to be tested
     found = discover(evidence, facts, MOUNT, base_model("paper", "friction"))
     assert found.verdict is None

@@ -46,6 +46,7 @@ def test_from_study_to_models(study: Path, tmp_path: Path) -> None:
     code, told, progress = run(str(study), "--out", str(out), "--workers", "0", "--json")
     assert code == 0, progress
     found = json.loads(told)
+    assert found["study"]["simulated"] is True
     excluded = [trial["trial"] for trial in found["study"]["excluded"]]
     assert LIFTED in excluded
     assert found["study"]["trials"] == 20 == found["study"]["trials_used"] + len(excluded)
@@ -58,6 +59,7 @@ def test_from_study_to_models(study: Path, tmp_path: Path) -> None:
     models = [Model.model_validate_json(path.read_bytes()) for path in out.glob("models/*")]
     assert {model.participant for model in models} == {"P01", "P02", None}
     assert all(model.provenance["study_sha256"] == found["study"]["sha256"] for model in models)
+    assert all(model.simulated for model in models)
     assert "<html" in (out / "report.html").read_text(encoding="utf-8")
     # What was observed is known the next time, and nothing else changes.
     _, again, progress = run(str(study), "--out", str(out), "--workers", "0", "--json")

@@ -16,7 +16,6 @@ from frictus_service.api.routes.calibrations import Publication
 from frictus_service.api.routes.jobs import BODY
 from frictus_service.api.routes.rigs import RigName
 from frictus_service.api.services import Given
-from frictus_service.calibration.job import SIMULATED
 from frictus_service.registry.documents import Published
 
 router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
@@ -81,7 +80,7 @@ def publish_estimate(
         raise problems.InvalidError(
             "participant: the model in force is of nobody in particular; say whose finger it is"
         )
-    told = model.provenance | {SIMULATED: shown.status().simulated}
+    told = model.provenance | {"simulated": shown.status().simulated}
     published = given.registry.publish(
         model.model_copy(update={"participant": participant, "provenance": told}),
         wanted.name or f"{rig}/{participant}",

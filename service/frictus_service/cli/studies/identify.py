@@ -65,6 +65,7 @@ def identify(
     folder = out or study.with_name(f"{study.stem}-identification")
     with open_study(study) as opened:
         sha256, unreadable = opened.sha256, opened.excluded
+        simulated = opened.info.simulated
     readings = read_study(
         study,
         OBSERVER,
@@ -79,6 +80,7 @@ def identify(
         observations,
         path=str(study),
         sha256=sha256,
+        simulated=simulated,
         unreadable=unreadable,
         findings=judge_study(records_of(readings)),
     )

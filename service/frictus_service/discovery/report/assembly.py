@@ -278,6 +278,7 @@ class Assembly:
                     **self._base.provenance,
                     "source": "discovery",
                     "study_sha256": self._study.sha256,
+                    "simulated": self._study.simulated,
                     "code_version": version("frictus"),
                     "settings": {"response": self._problem.response},
                     "seed": self._seed,

@@ -45,6 +45,7 @@ def account_for(
     table: ObservationTable,
     path: str,
     sha256: str,
+    simulated: bool,
     unreadable: Sequence[Exclusion],
 ) -> StudySummary:
     """Return what is used of a study; a trial without a drive is counted, not excluded.
@@ -57,6 +58,8 @@ def account_for(
         What is used.
     path, sha256 : str
         Of the study.
+    simulated : bool
+        Whether it says that no finger was measured.
     unreadable : sequence of Exclusion
         Trials of which there are no observations.
     """
@@ -80,6 +83,7 @@ def account_for(
     return StudySummary(
         path=path,
         sha256=sha256,
+        simulated=simulated,
         participants=len({item.info.participant for item in observations}),
         trials=len(observations) + len(unreadable),
         trials_used=len(table.trials),
