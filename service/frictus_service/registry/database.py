@@ -26,6 +26,7 @@ from sqlalchemy import (
     Table,
     create_engine,
     event,
+    inspect,
     make_url,
     select,
     text,
@@ -35,6 +36,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import ArgumentError, IntegrityError, SQLAlchemyError
 
 from frictus_service.errors import KeyReusedError, RegistryUnavailableError
+from frictus_service.registry.sqlite_file import require_sqlite_file
 from frictus_service.registry.tables import requests
 
 MIGRATIONS: Final = Path(__file__).parent / "migrations"
@@ -54,6 +56,8 @@ _ADVICE: Final = {
     "unable to open database file": "its folder has to be there, and the account that frictus "
     "runs under must be allowed to read and write both; see registry.url in the configuration",
     "malformed": "put a backup back (docs/registry.md)",
+    "no such": "something else than frictus has changed its tables: put a backup back "
+    "(docs/registry.md)",
     "disk is full": "make room there, and ask again",
     "locked": f"another program has written it for more than {BUSY_MS / 1e3:g} s: end that "
     "one, or ask again",
@@ -102,6 +106,17 @@ class Database:
     def exists(self) -> bool:
         """Whether there may be anything in it: False only for a file that never was there."""
         return not self._is_file or self._engine is not None or self._place is not None
+
+    def require_file(self) -> None:
+        """Look at the file of SQLite, where it is one, without opening it.
+
+        Raises
+        ------
+        RegistryUnavailableError
+            If something else bears its name.
+        """
+        if self._is_file:
+            require_sqlite_file(self._url.database or "")
 
     @property
     def usable(self) -> bool:
@@ -177,6 +192,7 @@ class Database:
             self._opening.release()
 
     def _open(self) -> Engine:
+        self.require_file()
         engine = _sqlite(self._url) if self._is_file else _server(self._url)
         try:
             with self._told():
@@ -219,6 +235,14 @@ class Database:
                 if not self._is_file:
                     connection.execute(
                         text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _UPGRADE_LOCK}
+                    )
+                tables = inspect(connection).get_table_names()
+                if tables and "alembic_version" not in tables:
+                    few = ", ".join(sorted(tables)[:3])
+                    raise RegistryUnavailableError(
+                        f"the registry {self} holds the tables of another program ({few}): "
+                        "name a database of its own in registry.url of the configuration; it "
+                        "may be empty, and a file is made where there is none"
                     )
                 alembic.attributes["connection"] = connection
                 try:

@@ -84,6 +84,67 @@ def test_a_file_that_is_no_database_is_told(tmp_path: Path) -> None:
     assert file.read_bytes() == b"not a database" * 100
 
 
+def test_the_database_of_another_program_is_left_as_it_was(tmp_path: Path) -> None:
+    file = tmp_path / "songs.db"
+    with contextlib.closing(sqlite3.connect(file)) as songs:
+        songs.execute("CREATE TABLE songs (title)")
+    with (
+        Registry(f"sqlite:///{file}") as registry,
+        pytest.raises(RegistryUnavailableError, match=r"another program \(songs\): name a "),
+    ):
+        registry.find()
+    with contextlib.closing(sqlite3.connect(file)) as songs:
+        found = songs.execute("SELECT name FROM sqlite_master").fetchall()
+    assert found == [("songs",)]
+
+
+def test_an_empty_file_becomes_a_registry(tmp_path: Path, model: MakeModel) -> None:
+    (tmp_path / "x.db").touch()
+    with Registry(f"sqlite:///{tmp_path / 'x.db'}") as registry:
+        assert registry.publish(model(), "a", by="ann").version == 1
+
+
+def folder(path: Path) -> None:
+    path.mkdir()
+
+
+def text_file(path: Path) -> None:
+    path.write_text("songs")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names there")
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (folder, r"is a folder: .* such as .*x\.db/frictus\.db"),
+        (os.mkfifo, "is a pipe or a device, .* correct registry.url"),
+        (text_file, "is not a database of SQLite: correct registry.url"),
+    ],
+)
+def test_what_is_no_database_is_named(
+    make: Callable[[Path], None], reason: str, tmp_path: Path
+) -> None:
+    make(tmp_path / "x.db")
+    with (
+        Registry(f"sqlite:///{tmp_path / 'x.db'}") as registry,
+        pytest.raises(RegistryUnavailableError, match=reason),
+    ):
+        registry.find()
+
+
+def test_a_registry_that_lacks_a_table_asks_for_a_backup(tmp_path: Path) -> None:
+    file = tmp_path / "x.db"
+    with Registry(f"sqlite:///{file}") as registry:
+        registry.find()
+    with contextlib.closing(sqlite3.connect(file)) as changed:
+        changed.execute("DROP TABLE aliases")
+    with (
+        Registry(f"sqlite:///{file}") as registry,
+        pytest.raises(RegistryUnavailableError, match=r"no such table.*put a backup back"),
+    ):
+        registry.aliases.of("a")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps a file that is open")
 def test_a_file_that_is_taken_away_takes_no_models(tmp_path: Path, model: MakeModel) -> None:
     file, elsewhere = tmp_path / "x.db", tmp_path / "elsewhere.db"
