@@ -5,10 +5,16 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Final, Literal, Self
 
+from pydantic import ValidationError
 from sqlalchemy import Column, Connection, Row, insert, select
 
+from frictus.errors import explain
 from frictus.model import Model
-from frictus_service.errors import UnknownCalibrationError, UnknownModelError
+from frictus_service.errors import (
+    RegistryUnavailableError,
+    UnknownCalibrationError,
+    UnknownModelError,
+)
 from frictus_service.json_text import etag_of
 from frictus_service.registry.aliases import Activations, Aliases
 from frictus_service.registry.calibrations import Calibrations
@@ -259,7 +265,14 @@ def _summary(row: Row[*tuple[Any, ...]]) -> VersionSummary:
 
 
 def _published(row: Row[Any]) -> Published:
-    model = Model.model_validate_json(row.document)
+    try:
+        model = Model.model_validate_json(row.document)
+    except ValidationError as error:
+        raise RegistryUnavailableError(
+            f"the registry holds {row.name}@{row.version} in a form that this version of "
+            f"frictus cannot read ({explain(error)}): update frictus, or put a backup back "
+            "(docs/registry.md)"
+        ) from error
     return Published.model_validate({**row._mapping, "model": model})
 
 

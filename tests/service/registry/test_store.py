@@ -1,5 +1,7 @@
 """What a registry promises, on either database."""
 
+import contextlib
+import sqlite3
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -247,3 +249,17 @@ def test_unreachable_is_told_without_the_password(url: str) -> None:
         Registry(url).find()
     assert "secret" not in str(told.value)
     assert "registry.url" in str(told.value)
+
+
+def test_a_model_that_this_version_cannot_read_is_named(
+    tmp_path: Path, model: MakeModel
+) -> None:
+    file = tmp_path / "x.db"
+    with Registry(f"sqlite:///{file}") as registry:
+        registry.publish(model(), "a", by="ann")
+        with contextlib.closing(sqlite3.connect(file)) as changed:
+            changed.execute("DROP TRIGGER models_no_update")
+            changed.execute("UPDATE models SET document = '{}'")
+            changed.commit()
+        with pytest.raises(RegistryUnavailableError, match=r"a@1 in a form .*base: .* update"):
+            registry.get("a")
