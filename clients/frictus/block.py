@@ -21,6 +21,8 @@ HEADER_BYTES: Final = HEADER.size
 FLOAT32: Final = np.dtype("<f4")
 MAX_CHANNELS: Final = 64
 MAX_SAMPLES: Final = 65_535
+MAX_FIRST_SAMPLE: Final = 2**62
+"""Of a stream, so that counts of samples fit in 64 bits with a sign."""
 
 
 class Flag(IntFlag):

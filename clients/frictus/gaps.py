@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from frictus.block import Block
+from frictus.block import MAX_FIRST_SAMPLE, Block
 from frictus.errors import FrameError
 from frictus.keys import STREAMS, Topic
 from frictus.mailbox import Arrival
@@ -188,6 +188,10 @@ class BlockFeed(Feed[Block | Gap]):
             block = Block.unpack(arrival.payload)
             if STREAMS.get(block.stream) is not self._topic:
                 raise FrameError(f"stream id {block.stream} does not belong under this key")
+            if block.first_sample > MAX_FIRST_SAMPLE:
+                raise FrameError(
+                    f"first sample {block.first_sample}: at most {MAX_FIRST_SAMPLE}"
+                )
         except FrameError as error:
             self.unreadable += 1
             yield Gap(0, 0, 0, "unreadable", str(error))

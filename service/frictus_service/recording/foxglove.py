@@ -1,6 +1,6 @@
 """A recording becomes a file that Foxglove and Lichtblick plot, sample by sample."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -86,7 +86,7 @@ def export_foxglove(
         If `out` exists or cannot be made.
     """
     with RecordingReader(path) as reader:
-        begin_ns, end_ns = _part(reader.items(), from_s, to_s)
+        begin_ns, end_ns = _part(reader, from_s, to_s)
         content = reader.attachments.get("status.json")
         aux = () if content is None else RigStatus.from_json(content).aux
         with new_file(out) as file:
@@ -102,16 +102,17 @@ def export_foxglove(
         return Plottable(plot.messages, reader.ending)
 
 
-def _part(items: Iterator[Item], from_s: float | None, to_s: float | None) -> tuple[int, int]:
+def _part(reader: RecordingReader, from_s: float | None, to_s: float | None) -> tuple[int, int]:
     """Return when the part begins and ends, ns UTC."""
     check_part(from_s, to_s)
     spans = [
         (item.utc_ns, item.utc_ns + round(1e9 * item.duration_s), item.data.shape[1])
-        for item in items
+        for item in reader.items()
         if isinstance(item, Samples) and _is_plausible(item)
     ]
     if not spans:
-        raise ExportError("it holds no samples: there is nothing to plot")
+        why = "" if reader.ending.complete else f"; it {reader.ending}"
+        raise ExportError(f"it holds no samples: there is nothing to plot{why}")
     first_ns, last_ns = min(span[0] for span in spans), max(span[1] for span in spans)
     begin_ns = 0 if from_s is None else first_ns + round(1e9 * from_s)
     end_ns = 2**63 if to_s is None else first_ns + round(1e9 * to_s)

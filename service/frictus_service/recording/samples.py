@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus.block import MAX_CHANNELS, Block, Flag
+from frictus.block import MAX_CHANNELS, MAX_FIRST_SAMPLE, Block, Flag
 from frictus.block import MAX_SAMPLES as MAX_BLOCK_SAMPLES
 from frictus_service.errors import RecordingError
 
@@ -146,6 +146,8 @@ class Samples:
             raise RecordingError(f"form {form} with {channels} channels of {samples} samples")
         if not (0.0 < sample_rate_hz < 1e9 and 0.0 < step < 1e9):  # refuses NaN too
             raise RecordingError(f"{sample_rate_hz} Hz in steps of {step}")
+        if first_sample > MAX_FIRST_SAMPLE:
+            raise RecordingError(f"first sample {first_sample}: no rig counts so")
         dtype = DTYPES[form]
         expected = HEADER.size + dtype.itemsize * channels * samples
         if len(message) != expected:

@@ -66,7 +66,11 @@ def follow_recording(
         None,
     )
     if status is None:
-        raise RecordingError(f"{reader.path} holds no status of its rig: its screen is unknown")
+        ending = reader.ending
+        why = "" if ending.complete else f": it {ending}"
+        raise RecordingError(
+            f"{reader.path} holds no status of its rig, so that its screen is unknown{why}"
+        )
     cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
     place = f"{status.site}/{status.rig}"
     tracker = Tracker(cutter, prior, place)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.service.recording import known
 from typer.testing import CliRunner
 
 import frictus
@@ -27,6 +28,7 @@ from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
+from frictus_service.recording.writer import RecordingWriter
 
 PERSON = SimulatedParticipant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
 SLIDING_S = 6.0
@@ -141,3 +143,16 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     refused = run("track", file)
     assert refused.exit_code == Exit.USAGE
     assert str(file) in refused.stderr
+
+
+def test_why_a_torn_recording_has_no_status_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "a.mcap"
+    with RecordingWriter(file, known.info("a"), {}, lambda: 0.0) as writer:
+        known.hand_over(writer, 0)
+        writer.end("asked for", known.UTC_NS)
+    file.write_bytes(file.read_bytes()[:-1_000])
+    refused = run("track", file)
+    assert refused.exit_code == Exit.USAGE
+    assert (
+        "no status of its rig, so that its screen is unknown: it ends early" in refused.stderr
+    )

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,31 @@ def test_gaps_garbage_and_states_are_written_down(
     assert [(item.first_sequence, item.blocks) for item in force] == [(0, 2), (5, 1)]
     states = [item.message for item in items if isinstance(item, State)]
     assert sorted(states, key=repr) == [marker, known.touch(3)]
+
+
+def test_a_block_that_counts_beyond_64_bits_is_not_recorded(
+    tmp_path: Path, known: Any, sessions: tuple[zenoh.Session, zenoh.Session]
+) -> None:
+    publisher, session = sessions
+    path = tmp_path / "a.mcap"
+    beyond = replace(known.block(known.FORCE, 0), first_sample=2**64 - 1)
+    with (
+        Intake(session, KEYS) as intake,
+        RecordingWriter(path, known.info("a"), {}, lambda: 0.0) as writer,
+    ):
+        settle(publisher, session)
+        for block in (beyond, known.block(known.FORCE, 0)):
+            put(publisher, Topics.FORCE, block.pack())
+        deadline_s = time.monotonic() + WAIT_S
+        while intake.received_blocks < 1:
+            assert time.monotonic() < deadline_s
+            intake.drain_into(writer, known.UTC_NS)
+        writer.end("asked for", known.UTC_NS)
+    with RecordingReader(path) as reader:
+        items = list(reader.items())
+        assert reader.ending.complete
+    assert [item.reason for item in items if isinstance(item, GapNote)] == ["unreadable"]
+    assert [item.first_sample for item in items if isinstance(item, Samples)] == [0]
 
 
 def states_in(writer: RecordingWriter) -> list[State]:

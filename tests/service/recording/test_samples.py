@@ -1,5 +1,7 @@
 """Messages of samples, and how blocks become messages."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -117,3 +119,11 @@ def test_an_even_stream_gives_ten_messages_a_second() -> None:
         block = Block(1, 1, number, 100 * number, at_ns, 0, RATE_HZ, Flag(0), data)
         messages += coalescer.add(block)
     assert [message.duration_s for message in messages] == pytest.approx([0.1] * 10)
+
+
+def test_a_first_sample_beyond_what_counts_hold_is_refused() -> None:
+    samples = replace(samples_of(np.zeros((1, 10), np.float32)), first_sample=2**64 - 1)
+    with pytest.raises(
+        RecordingError, match="first sample 18446744073709551615: no rig counts so"
+    ):
+        Samples.unpack(samples.pack(None))
