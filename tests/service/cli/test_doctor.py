@@ -20,7 +20,7 @@ from frictus_hardware import NiRigConfig, SimulatedConfig
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors import hid
 from frictus_service.cli.app import app
-from frictus_service.cli.checks import doctor, machine_checks
+from frictus_service.cli.checks import doctor, machine_checks, storage_checks
 from frictus_service.cli.checks.machine_checks import Kept, leap_of
 from frictus_service.cli.checks.service_checks import device_checks, ni_device
 from frictus_service.config_file import parse
@@ -258,3 +258,21 @@ def test_this_system_s_clock_can_be_asked() -> None:
 )
 def test_windows_is_understood_in_any_language(status: str, kept: Kept | None) -> None:
     assert leap_of(status) == kept
+
+
+def test_folders_and_a_registry_that_cannot_be_used_are_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("songs")
+    text = 'recordings = "file"\nstudies = "file/deeper"\n[registry]\nurl = "sqlite:///file"'
+    config = parse(text, tmp_path / "frictus.toml")
+    told = [*storage_checks.folders(config), *storage_checks.registry(config)]
+    assert {check.verdict for check in told} == {"fail"}
+    assert [check.found.split(":")[0] for check in told[:2]] == ["recordings", "studies"]
+    assert all(f"{tmp_path / 'file'} is no folder" in check.found for check in told[:2])
+    assert "is not a database of SQLite" in told[2].found
+    assert len(told) == 3
+
+
+def test_folders_and_a_registry_that_are_not_there_yet_can_be_made(tmp_path: Path) -> None:
+    config = parse('studies = "a/b"', tmp_path / "frictus.toml")
+    assert not [*storage_checks.folders(config), *storage_checks.registry(config)]
+    assert not list(tmp_path.iterdir())

@@ -23,6 +23,7 @@ from frictus_hardware.nidaq.assembly import conversion_of
 from frictus_hardware.nidaq.devices import INSTALL, mismatches, survey
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors.hid import HidPort
+from frictus_service.cli.checks import storage_checks
 from frictus_service.cli.checks.machine_checks import (
     DoctorCheck,
     clock_resolution,
@@ -338,6 +339,8 @@ def all_checks(config_file: Path | None, router: str | None) -> Iterator[DoctorC
         yield from rig_files(config)
         yield library_folder(config.textures)
         yield from device_checks(config.backend)
+        yield from storage_checks.folders(config)
+        yield from storage_checks.registry(config)
         yield disk_rate(config.recordings, config.sample_rate_hz)
     yield from router_and_rigs(router or settings.router.endpoint, settings.security)
     yield clock_resolution()
