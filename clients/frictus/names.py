@@ -1,8 +1,12 @@
 """The names of sites, rigs, clients, tokens, participants and recordings."""
 
-from typing import Annotated, Final
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
 
-from pydantic import Field
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
 
 NAME: Final = r"^[A-Za-z0-9._-]+$"
 """What a name can be, as a pattern."""
@@ -11,3 +15,36 @@ NAME_ACCEPTED: Final = "ASCII letters, digits, '.', '_' and '-' are accepted"
 MAX_NAME: Final = 64
 """Characters of the name of a site, a rig or a client."""
 Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME, pattern=NAME)]
+
+
+@dataclass(frozen=True, slots=True)
+class Matching:
+    """Holds a text to a pattern, as ``Annotated[str, Matching(...)]``; refuses it in words.
+
+    Attributes
+    ----------
+    pattern : str
+        From ``^`` to ``$``, as a JSON schema has it.
+    accepted : str
+        What it accepts, for people.
+    """
+
+    pattern: str
+    accepted: str
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Check what the type itself accepts."""
+        return core_schema.no_info_after_validator_function(self._checked, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Tell the pattern, as a field with a pattern does."""
+        return {**handler(schema), "pattern": self.pattern}
+
+    def _checked(self, text: str) -> str:
+        if re.fullmatch(self.pattern, text) is None:
+            raise ValueError(self.accepted)
+        return text

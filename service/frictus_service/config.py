@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from frictus.keys import RigKeys
 from frictus.messages import AdaptationPolicy
-from frictus.names import NAME, Name
+from frictus.names import NAME, Matching, Name
 from frictus.session import DEFAULT_ROUTER, LEASE_MS
 from frictus.tls import SCHEME, Tls
 from frictus_hardware import (
@@ -28,14 +28,22 @@ Scope = Literal["read", "render", "calibrate", "admin"]
 LOCAL: Final = "local"
 """Who asks the API where nobody needs a token."""
 Origin = Annotated[
-    str, Field(max_length=300, pattern=r"^https?://([a-z0-9.-]+|\[[0-9a-f:]+\])(:[0-9]{1,5})?$")
+    str,
+    Field(max_length=300),
+    Matching(
+        r"^https?://([a-z0-9.-]+|\[[0-9a-f:]+\])(:[0-9]{1,5})?$",
+        "http://HOST:PORT and https://HOST:PORT are accepted, in lower case and without a path",
+    ),
 ]
 """As browsers send it: lower case, without a path, and without the port that is usual."""
 DEFAULT_FILE = Path("frictus.toml")
 _SQLITE = "sqlite:///"
 Place = tuple[str | int, ...]
 """Of a key in the file: tables, and numbers in arrays of tables."""
-_DATABASE = r"^(sqlite:///[^?:]|postgresql\+psycopg://)"
+_DATABASE = (
+    r"^(sqlite:///[^?:]|postgresql\+psycopg://).*$",
+    "sqlite:///FILE and postgresql+psycopg://USER@HOST/NAME are accepted",
+)
 
 
 class _Section(BaseModel):
@@ -66,13 +74,25 @@ class RouterConfig(_Section):
     """Where the parts of the system meet."""
 
     endpoint: Annotated[
-        str, Field(pattern=r"^(tcp|tls)/.+:\d+$"), AfterValidator(_with_port)
+        str,
+        Matching(
+            r"^(tcp|tls)/.+:\d+$",
+            "tcp/ADDRESS:PORT and tls/HOST:PORT are accepted, such as tcp/127.0.0.1:7447",
+        ),
+        AfterValidator(_with_port),
     ] = DEFAULT_ROUTER
     """Zenoh endpoint: `tcp/ADDRESS:PORT`, or `tls/HOST:PORT` with a [security] section."""
     host: bool = True
     """Whether `frictus serve` listens there itself; false connects to a router elsewhere."""
     links: tuple[
-        Annotated[str, Field(pattern=r"^tcp/.+:\d+$"), AfterValidator(_with_port)], ...
+        Annotated[
+            str,
+            Matching(
+                r"^tcp/.+:\d+$", "tcp/ADDRESS:PORT is accepted, such as tcp/192.168.1.10:7447"
+            ),
+            AfterValidator(_with_port),
+        ],
+        ...,
     ] = ()
     """Other routers, `tcp/ADDRESS:PORT`, that the one which runs here is linked to: one of two
     names the other. For a network without certificates, as yet."""
@@ -145,7 +165,16 @@ class Token(_Section):
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=NAME)]
     """By which rigs name whoever has it; what is added to it for pages fits behind."""
     scopes: Annotated[tuple[Scope, ...], Field(min_length=1)]
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
+    sha256: (
+        Annotated[
+            str,
+            Matching(
+                r"^[0-9a-f]{64}$",
+                "64 digits of 0 to 9 and a to f are accepted: printf '%s' TOKEN | sha256sum",
+            ),
+        ]
+        | None
+    ) = None
     """Hexadecimal SHA-256 of the token, lower case."""
     value: str | None = Field(
         default=None, min_length=16, pattern=r"^[\x21-\x7e]*$", repr=False
@@ -221,7 +250,7 @@ class ApiConfig(_Section):
 class RegistryConfig(_Section):
     """Where models and calibrations are kept."""
 
-    url: Annotated[str, Field(pattern=_DATABASE, repr=False)] = f"{_SQLITE}frictus.db"
+    url: Annotated[str, Field(repr=False), Matching(*_DATABASE)] = f"{_SQLITE}frictus.db"
     """SQLAlchemy URL: `sqlite:///FILE`, relative to this file, or `postgresql+psycopg://…`."""
 
     def within(self, folder: Path) -> Self:

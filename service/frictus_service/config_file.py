@@ -3,6 +3,7 @@
 import difflib
 import json
 import re
+import reprlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from frictus_service.errors import ConfigurationError
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _SECRET = (("value",), ("url",))
 """Keys of tokens and passwords, which an error does not repeat."""
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxlong = 80
 _KEY = re.compile(r"^\s*([A-Za-z0-9_.\"'\s-]+?)\s*=")
 
 
@@ -45,9 +48,13 @@ def load(path: Path | None = None, *, runs_rig: bool = False) -> Config:
     try:
         # Editors on Windows put a mark before it.
         text = read_bounded(path, MAX_TOML_BYTES).decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ConfigurationError(f"{path}: cannot be read: {reason}") from error
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise ConfigurationError(
+            f"{path}:{line}: no text in UTF-8: have the editor save it as UTF-8"
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     return parse(text, path, runs_rig=runs_rig)
 
 
@@ -143,7 +150,7 @@ def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> 
     elif fault["type"] == "missing":
         message = "this key is required here"
     elif not isinstance(fault["input"], dict | list) and place[-1:] not in _SECRET:
-        message = f"{message}, not {fault['input']!r}"
+        message = f"{message}, not {_SHORT.repr(fault['input'])}"
     return line, f"{dotted}: {message}"
 
 

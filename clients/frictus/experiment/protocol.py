@@ -20,6 +20,7 @@ from frictus.experiment.stimuli import Amplitude, Difference, Pairs, Stimulus
 from frictus.experiment.tasks import Adjustment, Magnitude, SameDifferent, Task, guess_rate
 from frictus.files import MAX_TOML_BYTES, read_bounded, read_toml
 from frictus.lenient import NO_TRUTH
+from frictus.names import Matching
 from frictus.textures import Texture
 
 MAX_CANDIDATES: Final = 200_000
@@ -68,15 +69,23 @@ class Design(_Part):
     """Trials between breaks; 0 for none."""
 
 
+_CONDITION: Final = Matching(
+    r"^[A-Za-z0-9_.-]{1,50}$", "1 to 50 ASCII letters, digits, '_', '.' and '-' are accepted"
+)
+
+
 class Protocol(_Part):
     """An experiment as a document."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,60}$")]
+    name: Annotated[
+        str,
+        Matching(r"^[A-Za-z0-9-]{1,60}$", "1 to 60 ASCII letters, digits and '-' are accepted"),
+    ]
     description: Annotated[str, Field(max_length=2_000)] = ""
     task: Task
     procedure: Plan
     conditions: Annotated[
-        dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,50}$")], Stimulus],
+        dict[Annotated[str, _CONDITION], Stimulus],
         Field(min_length=1, max_length=32),
     ]
     presentation: Presentation = Presentation()

@@ -12,6 +12,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import from_json
 from starlette.requests import ClientDisconnect
 
+from frictus.names import Matching
 from frictus_service.api.limits import LARGE_BYTES, RequestLimits, address_of
 from frictus_service.api.problems import (
     ConflictError,
@@ -299,11 +300,10 @@ def _tags(header: str, name: str) -> list[tuple[bool, str]] | None:
 
 
 IdempotencyKey = Annotated[
-    str | None,
+    Annotated[str, Matching(r"^[\x21-\x7e]+$", "visible ASCII characters are accepted")] | None,
     Header(
         min_length=1,
         max_length=200,
-        pattern=r"^[\x21-\x7e]+$",
         description="A new one for each request; the same again gets the same answer",
     ),
 ]

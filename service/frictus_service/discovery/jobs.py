@@ -16,6 +16,7 @@ from typing import Annotated, Final, Literal, TypedDict
 from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
+from frictus.names import Matching
 from frictus_service.discovery.across_studies.document import MOST_STUDIES
 from frictus_service.discovery.document import Response, Verdict
 from frictus_service.durable import replace_file
@@ -27,7 +28,11 @@ from frictus_service.errors import (
 from frictus_service.job_folder import FolderJob, JobFolder
 
 STUDY_NAME: Final = r"^\w[\w.-]*(/\w[\w.-]*)*$"
-StudyName = Annotated[str, Field(max_length=200, pattern=STUDY_NAME)]
+StudyName = Annotated[
+    str,
+    Field(max_length=200),
+    Matching(STUDY_NAME, "a file as /v1/studies lists it is accepted, such as visit1.h5"),
+]
 StudyNames = Annotated[tuple[StudyName, ...], Field(min_length=2, max_length=MOST_STUDIES)]
 
 

@@ -17,7 +17,7 @@ from frictus.errors import ArgumentError
 from frictus.experiment import Protocol, load_protocol, parse_protocol, ready_protocols
 from frictus.experiment.procedures.plans import ConstantPlan, StaircasePlan
 from frictus.experiment.tasks import Task
-from frictus.names import Name
+from frictus.names import Matching, Name
 from frictus_service.errors import JobStateError, UnknownExperimentError
 from frictus_service.job_folder import ACTIVE, FolderJob, JobFolder
 
@@ -38,7 +38,10 @@ class ExperimentSpec(_Strict):
     """One experiment: a ready protocol by name, or the TOML of one."""
 
     rig: Name
-    participant: Annotated[str, Field(pattern=r"^[A-Za-z0-9]{1,64}$")]
+    participant: Annotated[
+        str,
+        Matching(r"^[A-Za-z0-9]{1,64}$", "1 to 64 ASCII letters and digits are accepted"),
+    ]
     protocol: Annotated[
         str | None, Field(max_length=60, description="Name of a ready protocol")
     ] = None

@@ -239,3 +239,35 @@ def test_a_token_that_no_request_can_carry_is_refused_unrepeated(secret: str) ->
 
 def test_a_password_is_not_repeated() -> None:
     assert "secret" not in fault_of('[registry]\nurl = "mysql://ann:secret@db.lab/frictus"\n')
+
+
+@pytest.mark.parametrize(
+    ("text", "accepted"),
+    [
+        ('[router]\nendpoint = "udp/a:1"', "tcp/ADDRESS:PORT and tls/HOST:PORT are accepted"),
+        ('[router]\nlinks = ["a"]', "tcp/ADDRESS:PORT is accepted"),
+        ('[registry]\nurl = "mysql://ann:secret@a/b"', "sqlite:///FILE and postgresql+psycopg"),
+        ('[registry]\nurl = "sqlite://"', "sqlite:///FILE and postgresql+psycopg"),
+        ('[[api.tokens]]\nname = "a"\nscopes = ["read"]\nsha256 = "XX"', "64 digits of 0 to 9"),
+        ('[api]\norigins = ["HTTP://A/"]', "https://HOST:PORT are accepted, in lower case"),
+    ],
+)
+def test_what_is_accepted_is_said_in_words(text: str, accepted: str) -> None:
+    fault = fault_of(text)
+    assert accepted in fault
+    assert "pattern" not in fault
+    assert "secret" not in fault
+
+
+@pytest.mark.parametrize("value", ['"' + "a" * 900_000 + '"', "1" + "0" * 4_000])
+def test_a_huge_value_is_not_repeated(value: str) -> None:
+    for key in ("rig", "block_ms"):
+        assert len(fault_of(f"{key} = {value}")) < 300
+
+
+@pytest.mark.parametrize("coding", ["latin-1", "utf-16"])
+def test_a_file_in_another_coding_names_what_to_do(coding: str, tmp_path: Path) -> None:
+    path = tmp_path / "frictus.toml"
+    path.write_bytes('rig = "räg1"\n'.encode(coding))
+    with pytest.raises(ConfigurationError, match=r"frictus.toml:1: no text in UTF-8: .* save"):
+        load(path)
