@@ -15,7 +15,7 @@ from frictus.keys import FORCE, VOLTAGE
 from frictus.messages import EstimateState, Message, ModelState, RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.errors import RecordingError, TrialError
+from frictus_service.errors import EstimateError, RecordingError, TrialError
 from frictus_service.identification.observation.touch_path import PART_S, path_of
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
@@ -29,6 +29,8 @@ from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 _WANTED: Final = {FORCE: "force", VOLTAGE: "voltage"}
+LEAST_RATE_HZ: Final = 200.0
+"""Slower samples have hardly a band, from 40 Hz to half of the rate; rigs are faster."""
 
 
 def follow_recording(
@@ -56,6 +58,8 @@ def follow_recording(
     ------
     RecordingError
         If the recording does not say what rig it is of, or lacks a stream.
+    EstimateError
+        If its samples are too slow for any band.
     """
     status = next(
         (
@@ -71,7 +75,7 @@ def follow_recording(
         raise RecordingError(
             f"{reader.path} holds no status of its rig, so that its screen is unknown{why}"
         )
-    cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
+    cutter = _cutter(status.sample_rate_hz, status.screen_peak_v, mount)
     place = f"{status.site}/{status.rig}"
     tracker = Tracker(cutter, prior, place)
     tracker.begin_anew(prior, reader.info.participant)
@@ -112,6 +116,17 @@ def follow_recording(
     return state
 
 
+def _cutter(
+    sample_rate_hz: float, screen_peak_v: float, mount: TransferFunction | None
+) -> WindowCutter:
+    if not sample_rate_hz >= LEAST_RATE_HZ:
+        raise EstimateError(
+            f"samples at {sample_rate_hz:g} Hz do not show how friction follows the drive: "
+            f"{LEAST_RATE_HZ:g} Hz or more are needed"
+        )
+    return WindowCutter(sample_rate_hz, screen_peak_v, mount)
+
+
 def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, EstimateState]:
     """Follow the fingers of a study, each participant's trials in their order.
 
@@ -130,6 +145,11 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
     -------
     dict of str to EstimateState
         By participant, after the last trial.
+
+    Raises
+    ------
+    EstimateError
+        If somebody's samples are too slow for any band.
     """
     states: dict[str, EstimateState] = {}
     trackers: dict[str, Tracker] = {}
@@ -142,7 +162,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
             rates_hz[participant] = mode(
                 each.sample_rate_hz for each in reader.trials if each.participant == participant
             )
-            cutters[participant] = WindowCutter(
+            cutters[participant] = _cutter(
                 rates_hz[participant], reader.info.screen_peak_v, reader.info.mount
             )
             trackers[participant] = Tracker(cutters[participant], prior, reader.info.rig)

@@ -19,7 +19,6 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
 from frictus_service.discovery.evidence.window_spectra import tapered
-from frictus_service.errors import EstimateError
 from frictus_service.identification.observation.response import advance, drive_fraction, hold
 from frictus_service.identification.observation.through_mount import ThroughMount
 from frictus_service.tracking.band_frequencies import frequencies, shifted
@@ -40,8 +39,6 @@ AT_ITS_END: Final = 0.02
 """Share of a window in which the force may have its largest value, or its smallest: one that is
 clipped or stuck has it for longer. With noise of a few steps of the converter a sound one has
 either in one sample of a thousand."""
-LEAST_RATE_HZ: Final = 200.0
-"""Slower samples have hardly a band: from 40 Hz to half of the rate."""
 STREAMS: Final = ("force", "voltage", "render")
 DRIVE: Final = "drive"
 """Drive fraction, and the same through the mount, beside the streams that are given."""
@@ -138,21 +135,11 @@ class WindowCutter:
         Number of the contact at the newest sample, rising with each touch.
     refused : Counter of str
         Windows left out, by the reason.
-
-    Raises
-    ------
-    EstimateError
-        If the samples are too slow for any band.
     """
 
     def __init__(
         self, sample_rate_hz: float, screen_peak_v: float, mount: TransferFunction | None
     ) -> None:
-        if not sample_rate_hz >= LEAST_RATE_HZ:
-            raise EstimateError(
-                f"samples at {sample_rate_hz:g} Hz do not show how friction follows the drive: "
-                f"{LEAST_RATE_HZ:g} Hz or more are needed"
-            )
         self._length = 2 * round(WINDOW_S * sample_rate_hz / 2.0)
         self._rate_hz = sample_rate_hz
         self.screen_peak_v = screen_peak_v

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,10 +16,12 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
+from frictus_service.errors import EstimateError
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 from frictus_service.study.writer import StudyWriter
-from frictus_service.tracking.recorded import _parts_of, follow_study
+from frictus_service.tracking.recorded import LEAST_RATE_HZ, _parts_of, follow_study
+from frictus_service.tracking.windows import WindowCutter
 
 TONES_HZ = tuple(np.geomspace(60.0, 1_500.0, 12).tolist())
 SPEEDS_MM_S = (25.0, 60.0, 95.0)
@@ -109,6 +113,20 @@ def test_trials_at_another_sample_rate_are_left_out_and_counted(
     assert state.law is not None
     for found, at in ((state.law.cutoff_20_hz, true[0]), (state.law.cutoff_100_hz, true[1])):
         assert found.value == pytest.approx(np.exp(at), rel=0.1)
+
+
+@pytest.mark.parametrize("rate_hz", [1e-300, 1.0, 50.0, 150.0])
+def test_samples_that_are_too_slow_are_refused_in_words(
+    rate_hz: float, rng: np.random.Generator
+) -> None:
+    slow = replace(trial(Made(TONES_HZ, 60.0), rng).info, sample_rate_hz=rate_hz)
+    reader = cast(StudyReader, SimpleNamespace(trials=(slow,), info=STUDY))
+    with pytest.raises(EstimateError, match=r"do not show how friction follows .* 200 Hz"):
+        follow_study(reader, Prior.weak(), lambda _: None)
+
+
+def test_the_slowest_samples_have_bands() -> None:
+    assert WindowCutter(LEAST_RATE_HZ, STUDY.screen_peak_v, STUDY.mount).bands.lines.size
 
 
 def _at_half_the_rate(one: Trial) -> Trial:

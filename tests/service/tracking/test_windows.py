@@ -8,10 +8,9 @@ from frictus.block import Flag
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import Mount
 from frictus_service.calibration import coordinates
-from frictus_service.errors import EstimateError
 from frictus_service.identification.observation.response import hold
 from frictus_service.tracking.estimation.batch import Batch
-from frictus_service.tracking.windows import LEAST_RATE_HZ, WindowCutter
+from frictus_service.tracking.windows import WindowCutter
 
 RATE_HZ = 20_000.0
 PEAK_V = 75.0
@@ -143,13 +142,3 @@ def test_a_finger_that_is_off_the_screen_for_a_part_of_a_window_is_no_weaker_one
     # Its first windows after a hop still have what the mount rings by.
     gains = [np.abs(each.cross).sum() / each.drive_power.sum() for each in found]
     np.testing.assert_allclose(gains, GAIN_N, rtol=0.05)
-
-
-@pytest.mark.parametrize("rate_hz", [1e-300, 1.0, 50.0, 150.0])
-def test_samples_that_are_too_slow_are_refused_in_words(rate_hz: float) -> None:
-    with pytest.raises(EstimateError, match=r"do not show how friction follows .* 200 Hz"):
-        WindowCutter(rate_hz, PEAK_V, None)
-
-
-def test_the_slowest_samples_have_bands() -> None:
-    assert WindowCutter(LEAST_RATE_HZ, PEAK_V, MOUNT).bands.lines.size
