@@ -66,7 +66,7 @@ class FoxgloveReport:
     lost : int
         Blocks that never came from the rig.
     refused : int
-        Blocks whose counts or times no rig has.
+        Blocks that cannot be read, or whose counts or times no rig has.
     cpu_percent : float
         Of one processor, since it began.
     """
@@ -204,6 +204,7 @@ class FoxgloveBridge:
 
     def gap(self, note: GapNote) -> None:
         """Send word of what is missing."""
+        self._refused += note.reason == "unreadable"
         self._document(GAPS, note.to_json(), note.utc_ns)
 
     def block(self, block: Block) -> None:

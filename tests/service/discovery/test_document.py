@@ -50,6 +50,7 @@ def test_the_keys_are_those_of_the_format(rng: np.random.Generator) -> None:
     assert said["study"].keys() == {
         "path",
         "sha256",
+        "simulated",
         "participants",
         "trials",
         "trials_used",
