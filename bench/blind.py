@@ -34,11 +34,11 @@ jerk, with pauses, and whose gain wanders besides; touch reports are 40 ms late,
 person's own, and a fifth of the trials is missing.
 
 Lines are of the code of their day. `skin` (mobility; a mode of 150 to 700 Hz), `early`, `noise`
-(driven by noise in place of tones) and the two studies of which an analysis had ended in an error
-are of later code than the rest, of which 16 that were drawn by chance gave the same verdict and
-names when they were made again. Those of
-`unknown` that have a count in its row of forms were made again from their seeds later still: a
-form that characterises what no catalogue has leaves nothing to flag or to locate.
+(driven by noise in place of tones) and the two studies of which an analysis had ended in an
+error are of later code than the rest, of which 16 that were drawn by chance gave the same
+verdict and names when they were made again. Those of `unknown` that have a count in its row of
+forms were made again from their seeds later still: a form that characterises what no catalogue
+has leaves nothing to flag or to locate.
 """
 
 
