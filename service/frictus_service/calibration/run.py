@@ -301,7 +301,7 @@ class CalibrationRun:
         if self._left_out:
             notes = (
                 *notes,
-                f"{self._left_out} models of simulated participants teach nothing here",
+                f"the prior leaves out models of simulated participants: {self._left_out}",
             )
         told = result.model.provenance | {"simulated": self._status.simulated}
         return result.model_copy(
