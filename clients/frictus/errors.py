@@ -5,8 +5,6 @@ import reprlib
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from frictus.names import NAME, NAME_ACCEPTED
-
 
 class FrictusError(Exception):
     """Base of every error of this package."""
@@ -126,8 +124,6 @@ def complaint(detail: ErrorDetails) -> str:
     detail : ErrorDetails
         One of pydantic's complaints.
     """
-    if detail.get("ctx", {}).get("pattern") == NAME:
-        return NAME_ACCEPTED
     return detail["msg"].removeprefix("Value error, ")
 
 

@@ -8,14 +8,6 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-NAME: Final = r"^[A-Za-z0-9._-]+$"
-"""What a name can be, as a pattern."""
-NAME_ACCEPTED: Final = "ASCII letters, digits, '.', '_' and '-' are accepted"
-"""The same for people."""
-MAX_NAME: Final = 64
-"""Characters of the name of a site, a rig or a client."""
-Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME, pattern=NAME)]
-
 
 @dataclass(frozen=True, slots=True)
 class Matching:
@@ -48,3 +40,12 @@ class Matching:
         if re.fullmatch(self.pattern, text) is None:
             raise ValueError(self.accepted)
         return text
+
+
+NAME: Final = Matching(
+    r"^[A-Za-z0-9._-]+$", "ASCII letters, digits, '.', '_' and '-' are accepted"
+)
+"""What a name can be."""
+MAX_NAME: Final = 64
+"""Characters of the name of a site, a rig or a client."""
+Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME), NAME]

@@ -162,7 +162,7 @@ class Limits(_Section):
 class Token(_Section):
     """A bearer token of the REST API; give its SHA-256 rather than the token itself."""
 
-    name: Annotated[str, Field(min_length=1, max_length=40, pattern=NAME)]
+    name: Annotated[str, Field(min_length=1, max_length=40), NAME]
     """By which rigs name whoever has it; what is added to it for pages fits behind."""
     scopes: Annotated[tuple[Scope, ...], Field(min_length=1)]
     sha256: (

@@ -103,7 +103,8 @@ class RecordRequest(Request):
 
     name: Annotated[
         str,
-        Field(min_length=1, max_length=100, pattern=NAME),
+        Field(min_length=1, max_length=100),
+        NAME,
         AfterValidator(of_a_file),
     ]
     """Of the file, too: it ends without a dot and is no device of Windows, such as ``nul``."""

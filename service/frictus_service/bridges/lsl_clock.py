@@ -8,6 +8,7 @@ stamps of consecutive samples always rise.
 from collections.abc import Callable
 from typing import Final
 
+from frictus.block import MAX_FIRST_SAMPLE
 from frictus.messages import TimeState
 from frictus.slewed_clock import SlewedClock
 
@@ -17,7 +18,6 @@ RUNS: Final = 2
 """Kept: blocks of the one before may still come."""
 NS_PER_SAMPLE: Final = (1.0, 1e9)
 """1 Hz to 1 GHz."""
-MAX_SAMPLE: Final = 2**62
 MAX_LEAP_NS: Final = 86_400e9
 """From the newest sample: no gap in one run is longer."""
 
@@ -84,7 +84,7 @@ class LslClock:
             away from the newest.
         """
         low, high = NS_PER_SAMPLE
-        if not (low <= ns_per_sample <= high and abs(sample) <= MAX_SAMPLE):
+        if not (low <= ns_per_sample <= high and abs(sample) <= MAX_FIRST_SAMPLE):
             return False
         if run in self._runs:
             self._runs[run] = known = self._runs.pop(run)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from frictus.block import MAX_FIRST_SAMPLE
 from frictus.keys import AUX, CHANNELS, STREAMS, TOPICS
 from frictus.messages import AuxChannel, TimeState
 from frictus.slewed_clock import SlewedClock
@@ -161,7 +162,7 @@ def column_extremes(
 
 def is_plausible(first_sample: int, n_samples: int, utc_ns: int, rate_hz: float) -> bool:
     """Return whether counts and times can be computed with, as a rig's can."""
-    counts = rate_hz >= 1.0 and 0 <= first_sample < 2**62 - n_samples
+    counts = rate_hz >= 1.0 and 0 <= first_sample < MAX_FIRST_SAMPLE - n_samples
     return counts and 0 <= utc_ns < 2**62  # until 2116
 
 

@@ -67,7 +67,7 @@ _EXPORTS: Final[dict[ExportFormat, tuple[str, str]]] = {
 }
 """What the command calls them, and their suffixes."""
 RecordingName = Annotated[
-    str, PathParameter(min_length=1, max_length=100, pattern=NAME, description="As listed")
+    str, PathParameter(min_length=1, max_length=100, description="As listed"), NAME
 ]
 router = APIRouter(prefix="/v1", tags=["recordings"])
 
@@ -77,7 +77,7 @@ class RecordingAsked(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)]
+    name: Annotated[str, Field(min_length=1, max_length=100), NAME]
     participant: Annotated[str, Field(max_length=64)] | None = None
     notes: Annotated[str, Field(max_length=10_000)] = ""
 
