@@ -10,7 +10,6 @@ import pytest
 from playwright.sync_api import Page, expect
 from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import (
-    PATIENT,
     WIDTHS,
     Lab,
     enter,
@@ -18,6 +17,7 @@ from tests.dashboard.lab import (
     read_only,
     running,
 )
+from tests.patience import PATIENT
 
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.guided import ClientFinger

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.campaigns.service import Said, config_in, serving
+from tests.patience import PATIENT
 
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
@@ -35,9 +36,11 @@ OFFLINE = {
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Config]:
     """A service with two simulated rigs whose fingers stroke."""
     rig = SimulatedConfig(finger=SteadyStrokes())
-    config = config_in(tmp_path_factory.mktemp("service"), rig)
+    config = config_in(tmp_path_factory.mktemp("service"), rig).model_copy(
+        update={"limits": PATIENT, "block_ms": 20.0}
+    )
     router = RouterConfig(endpoint=config.router.endpoint, host=False)
-    second = Config(rig="rig2", router=router, backend=rig)
+    second = config.model_copy(update={"rig": "rig2", "router": router})
     with serving(config, Said()), Supervisor(second, parts=("rig",)) as supervisor:
         supervisor.wait_ready(100.0)
         yield config

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.patience import PATIENT
 from typer.testing import CliRunner
 
 from frictus_hardware import SimulatedConfig
@@ -25,7 +26,8 @@ RECORDED = sorted(RECORDINGS.glob("*_filt.csv"))
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
     """A rig that runs for all tests of this file."""
-    config = Config(router=RouterConfig(endpoint=free_endpoint()), backend=SimulatedConfig())
+    router = RouterConfig(endpoint=free_endpoint())
+    config = Config(router=router, backend=SimulatedConfig(), block_ms=20.0, limits=PATIENT)
     said: list[str] = []
     with Supervisor(config, parts=("rig",), say=said.append) as supervisor:
         supervisor.wait_ready(100.0)

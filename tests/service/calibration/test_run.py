@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.patience import PATIENT
 from tests.rig_status import rig_status
 from typer.testing import CliRunner, Result
 
@@ -43,7 +44,7 @@ from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.run import CalibrationRun, run_calibration
 from frictus_service.calibration.session import REST_N
 from frictus_service.cli.app import app
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import (
     CalibrationError,
@@ -90,7 +91,7 @@ def endpoint() -> Iterator[str]:
         block_ms=40.0,
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=0),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+        limits=PATIENT,
     )
     with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
         supervisor.wait_ready(100.0)

@@ -14,6 +14,7 @@ from typing import Any, cast
 
 import pytest
 from tests.campaigns.service import config_in
+from tests.patience import PATIENT
 from typer.testing import CliRunner
 
 import frictus
@@ -28,7 +29,6 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.experiment import Keyboard
-from frictus_service.config import Limits
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
@@ -83,7 +83,7 @@ def router(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Endpoint of a router with one simulated rig whose finger strokes."""
     folder = tmp_path_factory.mktemp("rig")
     config = config_in(folder, SimulatedConfig(finger=SteadyStrokes())).model_copy(
-        update={"limits": Limits(freeze_ms=5_000, missed_deadlines=1_000)}  # for busy machines
+        update={"limits": PATIENT}
     )
     with Supervisor(config, parts=("rig", "recorder")) as supervisor:
         supervisor.wait_ready(100.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.patience import PATIENT
 from tests.service.recording import known
 from typer.testing import CliRunner
 
@@ -24,7 +25,7 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.cli.streams.track import summary_of
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
@@ -43,7 +44,7 @@ def endpoint() -> Iterator[str]:
         block_ms=10.0,
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=0),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+        limits=PATIENT,
     )
     with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
         supervisor.wait_ready(100.0)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.patience import PATIENT
 
 import frictus
 from frictus.errors import RefusedError
@@ -16,7 +17,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.command_validation import SHORT_BYTES
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig, TrackerConfig
+from frictus_service.config import ApiConfig, Config, RouterConfig, TrackerConfig
 from frictus_service.daemon.inboxes import (
     ModelSlot,
     ModelUpdate,
@@ -384,7 +385,7 @@ def endpoint() -> Iterator[tuple[str, list[str]]]:
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=0),
         tracker=TrackerConfig(policy="suggest"),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+        limits=PATIENT,
     )
     said: list[str] = []
     with Supervisor(config, ("rig",), say=said.append) as supervisor:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.patience import PATIENT
 from websockets.sync.client import ClientConnection, connect
 
 from frictus.websocket.frames import Frame
@@ -17,7 +18,6 @@ from frictus_service.api.server import run_api
 from frictus_service.config import (
     ApiConfig,
     Config,
-    Limits,
     RegistryConfig,
     RouterConfig,
     Token,
@@ -127,7 +127,7 @@ def rig_that_follows_pages() -> Iterator[str]:
         backend=SimulatedConfig(finger=ClientFinger(smoothing_hz=50.0)),
         router=RouterConfig(endpoint=endpoint),
         api=ApiConfig(enabled=False),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+        limits=PATIENT,
     )
     with Supervisor(config, ("rig",)) as supervisor:
         supervisor.wait_ready(100.0)

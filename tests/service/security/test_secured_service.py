@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from tests.patience import PATIENT
 
 import frictus
 import frictus.errors
@@ -45,6 +46,7 @@ def secured(security: SecurityConfig, folder: Path) -> Config:
         security=security,
         recordings=folder / "recordings",
         registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
+        limits=PATIENT,
     )
 
 

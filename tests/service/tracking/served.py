@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tests.patience import PATIENT
+
 import frictus
 from frictus.keys import Topics
 from frictus.messages import AdaptationPolicy, EstimateState
@@ -18,7 +20,6 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import (
     ApiConfig,
     Config,
-    Limits,
     RegistryConfig,
     RouterConfig,
     TrackerConfig,
@@ -51,7 +52,7 @@ def config_in(
         api=ApiConfig(port=0),
         registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
         tracker=TrackerConfig(policy=policy, audit=folder / "audit" / "changes.jsonl"),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+        limits=PATIENT,
     )
 
 

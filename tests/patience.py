@@ -1,0 +1,8 @@
+"""The limits of a rig under test, whose machine does other things beside it."""
+
+from typing import Final
+
+from frictus_service.config import Limits
+
+PATIENT: Final = Limits(freeze_ms=5_000, missed_deadlines=1_000)
+"""A busy machine trips no rig by them. What the usual ones promise is tested with those."""
