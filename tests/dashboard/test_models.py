@@ -56,7 +56,8 @@ def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
         publish(lab, model(0.4))
         publish(lab, model(0.5))
         publish(lab, model(0.4, effects=DELAYED, participant=None), "population")
-        publish(lab, model(0.3, participant="P02"), "rig2/P02")
+        simulated = PROVENANCE | {"simulated": True}
+        publish(lab, model(0.3, participant="P02", provenance=simulated), "rig2/P02")
         yield lab
 
 
@@ -94,6 +95,7 @@ def test_lists_what_is_published_and_filters_it(page: Page) -> None:
     page.get_by_role("button", name="Filter").click()
     expect(rows).to_have_count(1)
     expect(rows).to_contain_text("rig2/P02@1")
+    expect(rows).to_contain_text("rig1 (simulated)")
     page.get_by_label("Participant").fill("nobody")
     page.keyboard.press("Enter")
     expect(page.get_by_text("No published model fits the filter.")).to_be_visible()

@@ -76,7 +76,7 @@ def list_models(
             found.reference,
             found.response,
             _harmless(whose),
-            _harmless(found.rig or ""),
+            _harmless(found.rig or "") + " (simulated)" * found.simulated,
             _date(found),
             _harmless(found.published_by),
             _harmless(found.comment),

@@ -169,6 +169,9 @@ class VersionSummary(_Document):
     published_by: str
     comment: str
     calibration: Annotated[str | None, Field(description="The calibration that measured it")]
+    simulated: Annotated[
+        bool, Field(description="Whether a simulated rig measured it, as it said of itself")
+    ]
 
     @property
     def reference(self) -> str:
@@ -200,7 +203,7 @@ class Published(VersionSummary):
                 f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
                 "otherwise; calibrate here, or see that both are alike"
             )
-        if self.model.simulated and not simulated_rig:
+        if self.simulated and not simulated_rig:
             remarks.append(
                 "a simulated rig measured it, and no finger of a person: calibrate here"
             )

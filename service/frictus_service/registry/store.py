@@ -144,6 +144,7 @@ class Registry:
                         published_by=by,
                         comment=comment,
                         calibration=calibration,
+                        simulated=model.simulated,
                     )
                     .returning(models)
                 ).one()

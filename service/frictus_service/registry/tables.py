@@ -9,6 +9,7 @@ from typing import Final
 
 from sqlalchemy import (
     BigInteger,
+    Boolean,
     CheckConstraint,
     Column,
     ForeignKey,
@@ -19,6 +20,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
 )
 
 metadata: Final = MetaData(
@@ -95,6 +97,7 @@ models: Final = Table(
     Column("published_by", Text, nullable=False),
     Column("comment", Text, nullable=False),
     Column("calibration", ForeignKey(calibrations.c.id), unique=True),
+    Column("simulated", Boolean, nullable=False, server_default=false()),
     UniqueConstraint("name", "version"),
     CheckConstraint("version >= 1", "version"),
     sqlite_autoincrement=True,

@@ -74,6 +74,22 @@ def test_publish_list_show(models: Any, document: Path, tmp_path: Path) -> None:
     assert shown["comment"] == "by hand"
 
 
+def test_a_list_marks_models_that_a_simulated_rig_measured(
+    models: Any, document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    models("publish", document)
+    virtual = MODEL | {"provenance": {"source": "a test", "rig": "fake", "simulated": True}}
+    document.write_text(json.dumps(virtual), encoding="utf-8")
+    models("publish", document)
+    assert [row["simulated"] for row in models("list")] == [True, False]
+    monkeypatch.setattr("frictus_service.cli.models.wants_lines", lambda _: False)
+    done = CliRunner(env={"COLUMNS": "150"}).invoke(
+        app, ["models", "list", "-c", str(tmp_path / "own.toml")]
+    )
+    marked = [line for line in done.stdout.splitlines() if "fake (simulated)" in line]
+    assert ["fake/P01@2" in line for line in marked] == [True]
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "cp437"])
 def test_what_the_encoding_of_a_terminal_lacks_is_escaped(
     encoding: str, models: Any, document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -16,6 +16,7 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import text
+from sqlalchemy.exc import IntegrityError
 
 from frictus.model import Model
 from frictus_service.errors import RegistryUnavailableError
@@ -58,6 +59,24 @@ def test_a_newer_registry_is_refused(url: str) -> None:
         pytest.raises(RegistryUnavailableError, match="another version"),
     ):
         registry.find()
+
+
+def test_a_registry_of_before_simulated_models_keeps_what_it_holds(
+    url: str, model: MakeModel
+) -> None:
+    with Registry(url) as registry:
+        said = registry.publish(model(), "a", by="ann")
+        with registry.database.write() as connection:
+            connection.execute(text("ALTER TABLE models DROP COLUMN simulated"))
+            connection.execute(text("UPDATE alembic_version SET version_num = '0001'"))
+    with Registry(url) as registry:
+        assert registry.get("a@1") == said
+        assert not said.simulated
+        with (
+            pytest.raises(IntegrityError, match="immutable"),
+            registry.database.write() as connection,
+        ):
+            connection.execute(text("UPDATE models SET simulated = true"))
 
 
 def test_a_failed_write_leaves_nothing(registry: Registry, model: MakeModel) -> None:

@@ -58,6 +58,7 @@ def test_what_is_to_be_said_of_a_model_on_a_rig(registry: Registry, model: MakeM
     drawn = registry.publish(virtual, "rig1/P01", by="ann", rig="rig1")
     assert drawn.remark_on("rig1", simulated_rig=True) == ""
     assert "a simulated rig measured it" in drawn.remark_on("rig1", simulated_rig=False)
+    assert [found.simulated for found in registry.find().models] == [True, False, False]
     everybody = registry.publish(model(participant=None), "rig1/all", by="ann", rig="rig1")
     assert everybody.remark_on("rig1", simulated_rig=False) == ""
 
@@ -170,7 +171,8 @@ def test_a_row_cannot_take_the_place_of_another(registry: Registry, model: MakeM
     for columns in ("id, name, version", "id + 1, name, version"):
         replace = (
             f"INSERT OR REPLACE INTO models SELECT {columns}, 'x', response, participant, rig, "
-            "document, published_utc_ns, published_by, comment, calibration FROM models"
+            "document, published_utc_ns, published_by, comment, calibration, simulated "
+            "FROM models"
         )
         with (
             pytest.raises(IntegrityError, match="immutable"),

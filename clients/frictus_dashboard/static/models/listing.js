@@ -6,7 +6,7 @@ import { button, labelled } from "../elements/fields.js";
 import { moment } from "../elements/figures.js";
 import { Outcome } from "../elements/outcome.js";
 import { fill, scrolling, table, words } from "../elements/table.js";
-import { referenceOf } from "./reference.js";
+import { measuredOn, referenceOf } from "./reference.js";
 
 const PAGE = 50;
 const NONE_YET = "None is published yet: a calibration measures one, and its page publishes it.";
@@ -75,7 +75,7 @@ export class Listing {
       if (name === reference) link.setAttribute("aria-current", "true");
       const on = version.etag === active ? "active" : "";
       const of = version.participant ?? "population";
-      return [link, words(of), words(version.rig ?? ""), moment(version.published_utc_ns), on];
+      return [link, words(of), words(measuredOn(version)), moment(version.published_utc_ns), on];
     }));
     this.more.hidden = this.next === null;
     if (this.found.length > 0) this.outcome.clear();

@@ -6,7 +6,7 @@ import { figure, interval, moment } from "../elements/figures.js";
 import { save } from "../connection/download.js";
 import { Outcome } from "../elements/outcome.js";
 import { facts, scrolling, table, words } from "../elements/table.js";
-import { pathOf, referenceOf } from "./reference.js";
+import { measuredOn, pathOf, referenceOf } from "./reference.js";
 
 const FILES = ["model.json", "model.mat"];
 
@@ -45,7 +45,7 @@ function described(published) {
   return [
     facts([
       ["Of", published.participant ?? "population"],
-      ["Measured on rig", published.rig],
+      ["Measured on rig", measuredOn(published)],
       ["Published", `${moment(published.published_utc_ns)} by ${published.published_by}`],
       ["Comment", published.comment],
       ["Calibration", published.calibration],
