@@ -21,6 +21,7 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.daemon.processes.supervisor import ALL
 
     say = said(as_json)
+    tell_of_folders(settings, say)
     if settings.api.enabled:
         say(where_to_look(settings.api))
     wanted = {"api": settings.api.enabled, "tracker": settings.tracker.enabled}
@@ -43,6 +44,14 @@ def where_to_look(api: "ApiConfig") -> str:
     host = socket.gethostname() if api.host in ("0.0.0.0", "::") else api.host
     url = f"http://{f'[{host}]' if ':' in host else host}:{api.port}"
     return f"the dashboard will be at {url}/ and the API's description at {url}/docs"
+
+
+def tell_of_folders(settings: "Config", say: Callable[[str], None]) -> None:
+    """Say which folders cannot be used; a rig does without until somebody asks for them."""
+    from frictus_service.cli.checks import storage_checks
+
+    for check in storage_checks.folders(settings):
+        say(f"{check.found}: {check.to_do}")
 
 
 def said(as_json: bool) -> Callable[[str], None]:
@@ -76,6 +85,7 @@ def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     say = said(as_json)
+    tell_of_folders(settings, say)
     say(where_to_look(settings.api))
     daemon.serve(settings, ("api",), host_router=False, say=say)
 
@@ -97,7 +107,9 @@ def recorder(config: ConfigFile = None, as_json: AsJson = False) -> None:
     settings = load(config)
     from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
-    daemon.serve(settings, ("recorder",), host_router=False, say=said(as_json))
+    say = said(as_json)
+    tell_of_folders(settings, say)
+    daemon.serve(settings, ("recorder",), host_router=False, say=say)
 
 
 def tracker(config: ConfigFile = None, as_json: AsJson = False) -> None:

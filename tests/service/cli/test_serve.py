@@ -4,9 +4,11 @@ import socket
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from frictus.errors import RefusedError
 from frictus_hardware.simulated.takeover import TakeoverStrokes
+from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit, code_of, sentence_of
 from frictus_service.cli.serve import where_to_look
 from frictus_service.config import ApiConfig, Config, RouterConfig, Token
@@ -31,6 +33,21 @@ def test_the_page_is_said_at_an_address_that_can_be_opened(host: str, named: str
     said = where_to_look(ApiConfig(host=host, port=8420, tokens=TOKENS))
     assert f"http://{named}:8420/ " in said
     assert f"http://{named}:8420/docs" in said
+
+
+@pytest.mark.parametrize("part", ["serve", "api", "recorder"])
+def test_folders_that_cannot_be_used_are_said_at_the_start(
+    part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("frictus_service.daemon.processes.serve.serve", lambda *_, **__: None)
+    for key in ("recordings", "studies"):
+        (tmp_path / key).write_text("no folder")
+    file = tmp_path / "frictus.toml"
+    file.write_text('recordings = "recordings"\nstudies = "studies/of/2026"\n')
+    said = CliRunner().invoke(app, [part, "-c", str(file)]).stderr
+    assert f"recordings: {tmp_path / 'recordings'} is no folder: name another" in said
+    assert f"studies: {tmp_path / 'studies'} is no folder: name another" in said
+    assert "textures" not in said
 
 
 def test_who_meets_a_trip_is_told_how_it_is_reset() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 from frictus_service.cli.checks.machine_checks import DoctorCheck
 from frictus_service.config import Config
 from frictus_service.errors import RegistryUnavailableError
-from frictus_service.registry.database import Database
 
 
 def folders(config: Config) -> Iterator[DoctorCheck]:
@@ -39,6 +38,8 @@ def registry(config: Config) -> Iterator[DoctorCheck]:
     config : Config
         With the URL of the registry.
     """
+    from frictus_service.registry.database import Database  # half a second, not for `serve`
+
     try:
         Database(config.registry.url).require_file()
     except RegistryUnavailableError as error:
