@@ -176,9 +176,13 @@ class Token(_Section):
         | None
     ) = None
     """Hexadecimal SHA-256 of the token, lower case."""
-    value: str | None = Field(
-        default=None, min_length=16, pattern=r"^[\x21-\x7e]*$", repr=False
-    )
+    value: (
+        Annotated[
+            str,
+            Matching(r"^[\x21-\x7e]{16,}$", "16 or more visible ASCII characters are accepted"),
+        ]
+        | None
+    ) = Field(default=None, repr=False)
     """The token in the clear, at least 16 visible ASCII characters: HTTP carries no others."""
 
     @model_validator(mode="after")
