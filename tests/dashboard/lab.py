@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
-from tests.patience import PATIENT
+from tests.patience import PATIENT, PATIENT_LEASE_MS
 
 import frictus
 from frictus.keys import Topics
@@ -28,8 +28,6 @@ from frictus_service.daemon.processes.child_process import PartName
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint, free_port
 
-PATIENT_LEASE_MS: Final = 5_000
-"""Of a page: the API that renews it waits for cores as the rig does."""
 READER = "a-token-that-only-reads"
 RULES = {
     "runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"],

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.campaigns.service import Said, config_in, serving
-from tests.patience import PATIENT
+from tests.patience import PATIENT, PATIENT_LEASE_MS
 
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
@@ -36,9 +36,10 @@ OFFLINE = {
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Config]:
     """A service with two simulated rigs whose fingers stroke."""
     rig = SimulatedConfig(finger=SteadyStrokes())
-    config = config_in(tmp_path_factory.mktemp("service"), rig).model_copy(
-        update={"limits": PATIENT, "block_ms": 20.0}
-    )
+    config = config_in(tmp_path_factory.mktemp("service"), rig)
+    api = config.api.model_copy(update={"page_lease_ms": PATIENT_LEASE_MS})
+    patient = {"limits": PATIENT, "api": api, "block_ms": 20.0}
+    config = config.model_copy(update=patient)
     router = RouterConfig(endpoint=config.router.endpoint, host=False)
     second = config.model_copy(update={"rig": "rig2", "router": router})
     with serving(config, Said()), Supervisor(second, parts=("rig",)) as supervisor:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.patience import PATIENT
+from tests.patience import PATIENT, PATIENT_LEASE_MS
 
 import frictus
 import frictus.errors
@@ -108,7 +108,7 @@ def test_rig_and_recorder_serve_a_controller(security: SecurityConfig, tmp_path:
             rig = client.rig("rig1")
             assert not rig.recording().recording
             assert rig.record("pilot").recording
-            with rig.arm(), rig.open_stream(peak_n=0.05) as stream:
+            with rig.arm(PATIENT_LEASE_MS), rig.open_stream(peak_n=0.05) as stream:
                 stream.send([0.0, 0.04, 0.0, -0.04], period_mm=8.0, ttl_ms=5_000)
                 statuses = rig.watch(Topics.STATUS, timeout_s=WAIT_S)
                 assert any(
