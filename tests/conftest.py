@@ -1,5 +1,6 @@
 """Fixtures that every test may use."""
 
+import gc
 import os
 import secrets
 import signal
@@ -24,6 +25,12 @@ settings.register_profile(
 )
 settings.register_profile("campaign", deadline=None, database=None, max_examples=300)
 settings.load_profile("frictus")
+
+
+def pytest_collection_finish() -> None:
+    """Leave the thousands of tests themselves out of every collection of garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

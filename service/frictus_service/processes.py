@@ -54,14 +54,16 @@ def existing_objects_frozen() -> Iterator[None]:
 
     A pass over everything that was ever imported takes 35 to 130 ms, and several times that
     on busy cores: nothing of the process moves meanwhile, and no lease is renewed. It is made
-    once, before.
+    once, before. Whoever has frozen some already ends that for all.
     """
     gc.collect()
+    outermost = gc.get_freeze_count() == 0
     gc.freeze()
     try:
         yield
     finally:
-        gc.unfreeze()
+        if outermost:
+            gc.unfreeze()
 
 
 @contextmanager

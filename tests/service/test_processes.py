@@ -1,10 +1,19 @@
 """What processes do with the garbage collector, which stops all of their threads."""
 
 import gc
+from collections.abc import Iterator
 
 import pytest
 
 from frictus_service.processes import existing_objects_frozen, garbage_collection_off
+
+
+@pytest.fixture(autouse=True)
+def nothing_frozen() -> Iterator[None]:
+    """The tests themselves are, else."""
+    gc.unfreeze()
+    yield
+    gc.freeze()
 
 
 class Node:
@@ -25,6 +34,14 @@ def test_what_existed_is_in_no_collection_and_what_comes_is() -> None:
         del new
         assert gc.collect() >= 1
     assert any(found is kept for found in gc.get_objects())
+
+
+def test_what_was_frozen_before_stays_so() -> None:
+    kept = Node()
+    gc.freeze()
+    with existing_objects_frozen():
+        pass
+    assert not any(found is kept for found in gc.get_objects())
 
 
 def _fail_without_collections() -> None:
