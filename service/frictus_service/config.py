@@ -36,6 +36,7 @@ Origin = Annotated[
     ),
 ]
 """As browsers send it: lower case, without a path, and without the port that is usual."""
+_SECRET = Matching(r"^[!-~]{16,}$", "16 or more visible ASCII characters are accepted")
 DEFAULT_FILE = Path("frictus.toml")
 _SQLITE = "sqlite:///"
 Place = tuple[str | int, ...]
@@ -176,13 +177,7 @@ class Token(_Section):
         | None
     ) = None
     """Hexadecimal SHA-256 of the token, lower case."""
-    value: (
-        Annotated[
-            str,
-            Matching(r"^[\x21-\x7e]{16,}$", "16 or more visible ASCII characters are accepted"),
-        ]
-        | None
-    ) = Field(default=None, repr=False)
+    value: Annotated[str, _SECRET] | None = Field(default=None, repr=False)
     """The token in the clear, at least 16 visible ASCII characters: HTTP carries no others."""
 
     @model_validator(mode="after")

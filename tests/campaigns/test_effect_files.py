@@ -23,7 +23,14 @@ print(json.dumps(effect_files.run(sys.argv[1], int(sys.argv[2]), cases=15)))
 """In a process of its own: what other tests took before is not these files' memory."""
 
 
-@pytest.mark.parametrize("suffix", effect_files.SUFFIXES)
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        # Wavelets take most of a second to decode.
+        pytest.param(each, marks=[pytest.mark.long] if each == ".hjif" else [])
+        for each in effect_files.SUFFIXES
+    ],
+)
 def test_a_few_damaged_files_end_in_a_texture_or_in_words(suffix: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", RUN, f"{suffix}/0", str(SEED)],

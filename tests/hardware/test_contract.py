@@ -386,6 +386,7 @@ def test_touches_arrive_in_order_at_their_declared_age(rig: Backend) -> None:
     assert np.all(np.diff([report.measured_sample for report in reports]) > 0.0)
 
 
+@pytest.mark.long
 def test_no_memory_grows_in_a_process_of_its_own() -> None:
     """Beside threads of others, as sessions that other tests share, tracemalloc crashes."""
     done = subprocess.run(

@@ -91,6 +91,7 @@ def test_throughput_with_few_blocks() -> None:
     assert turn.value["publisher"] > 0.0
 
 
+@pytest.mark.long
 def test_updates_are_seen_at_the_dac() -> None:
     rendered, played = latency.measure_update(updates=2)
     assert played.value["p50"] > rendered.value["p50"]

@@ -24,6 +24,7 @@ FEW = replace(
 )
 
 
+@pytest.mark.long
 def test_what_is_shown_is_what_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:

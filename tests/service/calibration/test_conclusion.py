@@ -42,6 +42,7 @@ def test_an_interval_that_grows_is_told_in_figures() -> None:
     assert why_wider(0.08, 0.125).startswith("the interval grew from 8.0% to 12.5%: ")
 
 
+@pytest.mark.long
 def test_where_an_interval_grows_the_finger_is_judged_to_wander_more(
     rng: np.random.Generator,
 ) -> None:

@@ -70,6 +70,7 @@ def test_points_lie_about_the_truth_by_their_intervals(rng: np.random.Generator)
     assert 0.85 < np.mean(held) <= 1.0
 
 
+@pytest.mark.long
 def test_of_a_law_that_holds_residuals_are_what_the_scatter_makes_of_them(
     rng: np.random.Generator,
 ) -> None:
@@ -91,6 +92,7 @@ def test_a_law_that_does_not_hold_is_seen_in_its_residuals(rng: np.random.Genera
     assert worst.speed_mm_s > 80.0
 
 
+@pytest.mark.long
 def test_what_was_not_seen_is_met_less_well_than_what_was_and_better_than_by_a_placeholder(
     rng: np.random.Generator,
 ) -> None:

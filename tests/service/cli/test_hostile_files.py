@@ -184,7 +184,7 @@ def test_what_a_file_calls_itself_does_not_reach_the_terminal(
 @pytest.mark.parametrize(
     ("command", "name", "content"),
     [
-        ("plan", "design.json", DESIGN),
+        pytest.param("plan", "design.json", DESIGN, marks=pytest.mark.long),
         ("mount", "blows.npy", "no blows"),
         ("track", "pilot.mcap", "no recording"),
     ],

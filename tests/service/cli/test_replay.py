@@ -59,6 +59,7 @@ def test_what_was_sensed_is_sensed_again_by_whoever_reads_the_rig(recording: Pat
     np.testing.assert_allclose(block.data, expected, atol=1e-6)
 
 
+@pytest.mark.long
 def test_once_ends_with_the_recording(recording: Path) -> None:
     endpoint = free_endpoint()
     with open_router(endpoint):

@@ -319,6 +319,7 @@ OF_FREQUENCY = {
 }
 
 
+@pytest.mark.long
 def test_who_was_measured_once_hides_no_drift(rng: np.random.Generator) -> None:
     """A drift has no signature in a first trial, at minute 0."""
     evidence = made(rng, [("gain_drift", {"per_minute": 0.06})], Design(participants=8))
@@ -331,6 +332,7 @@ def test_who_was_measured_once_hides_no_drift(rng: np.random.Generator) -> None:
     assert 0.0 < interval[0] < interval[1] < 0.12
 
 
+@pytest.mark.long
 def test_a_study_that_can_show_no_cause_says_so_of_each(rng: np.random.Generator) -> None:
     """Mass, damping and stiffness are everybody's own: one tone tells nothing besides."""
     one = Design(

@@ -101,6 +101,7 @@ def test_a_turned_force_is_a_sentence_and_a_code(study: Path, tmp_path: Path) ->
     assert not (tmp_path / "o" / "models").exists()
 
 
+@pytest.mark.long
 def test_a_turned_accelerometer_leaves_friction(study: Path, tmp_path: Path) -> None:
     options = ("--workers", "0", "--json")
     _, right, _ = run(str(study), "--out", str(tmp_path / "right"), *options)

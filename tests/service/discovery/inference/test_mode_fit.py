@@ -31,7 +31,7 @@ def test_a_mode_is_where_it_is_whatever_its_quality(rng: np.random.Generator) ->
     assert np.all(shape.half_widths < (0.05, 0.5))
 
 
-@pytest.mark.parametrize("share", [0.4, 0.0])
+@pytest.mark.parametrize("share", [pytest.param(0.4, marks=pytest.mark.long), 0.0])
 def test_the_likelihood_shows_a_mode_where_there_is_one(
     share: float, rng: np.random.Generator
 ) -> None:

@@ -17,6 +17,7 @@ DELAY_S, CORNER_HZ = 2e-4, 8.0
 HIDDEN = [("channel_delay", {"delay_s": DELAY_S}), ("charge_leakage", {"corner_hz": CORNER_HZ})]
 
 
+@pytest.mark.long
 def test_a_corner_in_hz_is_seen_beside_a_delay_in_s(rng: np.random.Generator) -> None:
     """Per unit of its coefficient, a delay changes the response a million times as much."""
     steady = Scatter(condition=0.0, contact=0.02)

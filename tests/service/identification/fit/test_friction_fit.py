@@ -56,6 +56,7 @@ def test_derivatives_are_those_of_the_response(rng: np.random.Generator) -> None
         np.testing.assert_allclose(gradient[:, column], numeric, atol=1e-8)
 
 
+@pytest.mark.long
 def test_errors_are_as_large_as_they_say(rng: np.random.Generator) -> None:
     # Gains that scatter from trial to trial are in the data and nowhere in their variances.
     fingers = [Finger(delay_s=100e-6) for _ in range(36)]

@@ -53,6 +53,7 @@ def test_a_fit_that_begins_where_it_ended_stays_there(rng: np.random.Generator) 
     np.testing.assert_allclose(known.log_parameters, first.log_parameters, atol=1e-4)
 
 
+@pytest.mark.long
 def test_intervals_of_few_tones_hold(rng: np.random.Generator) -> None:
     """Two or three of five tones tell nearly all of the delay, and the fit goes through them.
 

@@ -49,7 +49,9 @@ def test_intervals_hold_the_truth(rng: np.random.Generator) -> None:
     assert np.all(missed < 0.15), missed
 
 
-@pytest.mark.parametrize("forces", [(0.4,), (0.2, 0.4, 0.6)])
+@pytest.mark.parametrize(
+    "forces", [(0.4,), pytest.param((0.2, 0.4, 0.6), marks=pytest.mark.long)]
+)
 def test_intervals_of_one_trial_a_condition_hold_the_truth(
     rng: np.random.Generator, forces: tuple[float, ...]
 ) -> None:

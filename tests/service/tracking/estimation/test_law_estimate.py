@@ -66,6 +66,7 @@ def test_intervals_hold_where_the_cutoff_differs_from_stroke_to_stroke(
     assert np.all(held > 0.75)  # of 20, at 95 %
 
 
+@pytest.mark.long
 def test_a_line_over_strokes_that_differ_leaves_open_what_is_cutoff_and_what_is_delay(
     rng: np.random.Generator,
 ) -> None:
