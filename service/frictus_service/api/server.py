@@ -227,9 +227,10 @@ def build_app(
     app.state.hub = hub
     app.state.limits = RequestLimits()
     app.state.metrics = monitoring.ApiMetrics(link)
+    # First: a page asks for 150 files, each of which would be compared with every path below.
+    app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     for part in _PARTS:
         app.include_router(part.router)
-    app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     error_handlers.install(app)
     app.add_middleware(Heads)
     app.add_middleware(error_handlers.UnsatisfiableRanges)
