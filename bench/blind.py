@@ -40,7 +40,7 @@ verdict and names when they were made again. Those of `unknown` that have a coun
 forms were made again from their seeds later still: a form that characterises what no catalogue
 has leaves nothing to flag or to locate. So were all of `other_form`, by code to which a part of
 them had shown a fault (drifts that level off were confirmed): of fresh seeds their row may be
-worse. 28 of 33 had their family named before, and in four a false cause was confirmed (now two).
+worse. 28 of 33 had their family named before; a false cause was confirmed in four (now two).
 """
 
 
