@@ -32,7 +32,7 @@ REPEATS: Final = {
     "below": 1,
     "pair": 40,
     "unknown": 10,
-    "other_form": 4,
+    "other_form": 5,
     "cannot_tell": 5,
     "paper": 4,
     "mount_moved": 3,
