@@ -203,7 +203,7 @@ class Published(VersionSummary):
                 f"it was measured on rig {self.rig!r}, not on {rig!r}: another screen is felt "
                 "otherwise; calibrate here, or see that both are alike"
             )
-        if self.simulated and not simulated_rig:
+        if self.model.simulated and not simulated_rig:
             remarks.append(
                 "a simulated rig measured it, and no finger of a person: calibrate here"
             )
