@@ -192,7 +192,8 @@ CHANNELS: Final = (
         "force_x",
         "force",
         "of the finger on the screen along the slide, positive with the velocity",
-        r"f_?x|f_?t|force_?[xt]|f_?lat|f_?tan|tangential.*|lateral.*|friction(?!.*coef).*|shear.*|force:1",
+        r"f_?x|f_?t|force_?[xt]|f_?lat|f_?tan|lat|tan|tangential.*|lateral.*|friction(?!.*coef).*|"
+        r"shear.*|force:1",
         (0.01, 20.0),
     ),
     Channel("force_y", "force", "across the slide", r"f_?y|force_?y|force:2", (1e-4, 20.0)),
@@ -200,7 +201,7 @@ CHANNELS: Final = (
         "force_z",
         "force",
         "into the screen",
-        r"f_?z|f_?n|force_?[zn]|normal.*|load.*|press.*|force:3",
+        r"f_?z|f_?n|force_?[zn]|f_?norm?|nor|normal.*|load.*|press.*|force:3",
         (0.05, 20.0),
     ),
     Channel(
@@ -236,7 +237,7 @@ CHANNELS: Final = (
         "skin_velocity",
         "speed",
         "of the skin along the slide, as a vibrometer measures it",
-        r"skin_?(vel(ocity)?|v).*|ldv.*|vibrometer.*|laser.*",
+        r"skin_?(vel(ocity)?|v).*|(ldv|vibrometer|laser)(?!.*(pos|disp|dist)).*",
         (0.1, 300.0),
     ),
     Channel(

@@ -1,7 +1,7 @@
 """A file and its column map as one continuous recording, in the units and axes of a study."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,12 +11,14 @@ from frictus_service.data_import.channels import BY_NAME, UNITS, find_unit
 from frictus_service.data_import.column_map import ColumnMap, MappedColumn
 from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
 from frictus_service.data_import.sampling import (
+    COUNTER,
     Sampled,
     averaged,
     direction_of,
     held,
     of_length,
     on_grid,
+    signed_counts,
 )
 from frictus_service.errors import FieldError
 
@@ -342,6 +344,14 @@ class _Mapped:
             )
         if found.values.size < 2 or not np.isfinite(found.values).any():
             raise FieldError(name, f"column {mapped.column!r} holds nothing but missing values")
+        if BY_NAME[name].dimension == "length":
+            counts = signed_counts(found.values)
+            if counts is not None:
+                self._note_once(
+                    f"{mapped.column!r} is a counter of 32 bits: its numbers from "
+                    f"{COUNTER / 2.0:.0f} on are taken as negative"
+                )
+                return replace(found, values=counts)
         return found
 
     def _listed(self) -> str:

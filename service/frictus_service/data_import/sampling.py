@@ -12,6 +12,7 @@ from frictus_service.errors import FieldError
 POSITION_RATE_HZ: Final = 200.0
 """Positions are averaged down to about this rate: touch sensors report at 60 to 200 Hz."""
 RATE_TOLERANCE: Final = 0.01
+COUNTER: Final = 2.0**32
 FRICTION_CUTOFF_S: Final = 0.05
 """The sign of the tangential force is that of its mean over so long before and after."""
 
@@ -33,6 +34,25 @@ class Sampled:
     values: FloatArray
     rate_hz: float
     missing: int = 0
+
+
+def signed_counts(values: FloatArray) -> FloatArray | None:
+    """Return counts of an encoder with their sign; None where they have it, or are no counts.
+
+    An unsigned counter of 32 bits, as that of NI-DAQ, that is turned back beyond 0 goes on at
+    its greatest number.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Missing ones NaN.
+    """
+    there = values[np.isfinite(values)]
+    if not there.size or not 0.0 <= there.min() or not COUNTER / 2.0 <= there.max() < COUNTER:
+        return None
+    if np.any(there % 1.0):
+        return None
+    return np.where(values >= COUNTER / 2.0, values - COUNTER, values)
 
 
 def on_grid(time_s: FloatArray, values: FloatArray, said_hz: float | None = None) -> Sampled:

@@ -9,6 +9,7 @@ import numpy as np
 from frictus.files import require_file
 from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import ServiceError
+from frictus_service.study.matlab import read_variables
 
 RATES: Final = ("sample_rate_hz", "rate_hz", "sr", "fs", "Fs")
 """Names under which a MATLAB file may hold its sample rate."""
@@ -76,10 +77,7 @@ def _variables(path: Path) -> dict[str, Any]:
     try:
         if path.suffix == ".npy":
             return {"samples": np.load(path, allow_pickle=False)}
-        from scipy.io import loadmat
-
-        read: dict[str, Any] = loadmat(path)
-        return read
+        return read_variables(path)
     except OSError:
         raise
     except Exception as error:  # parsers raise whatever a damaged file leads them to

@@ -15,9 +15,11 @@ from scipy.io import savemat
 from tests.service.data_import.conftest import WRITERS
 from tests.service.data_import.made import Swipes
 
-from frictus_service.data_import.formats import arrays, columns, tables
+from frictus_service.data_import.formats import columns, tables
 from frictus_service.data_import.formats.read import read_columns
+from frictus_service.discovery.impact_recording import ImpactRecordingError, read_impacts
 from frictus_service.errors import StudyError
+from frictus_service.study import matlab
 
 ROUNDS = 60
 
@@ -71,7 +73,7 @@ def test_damage_is_a_sentence(
 def test_a_matlab_file_that_unfolds_without_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(arrays, "MAX_BYTES", 1 << 22)
+    monkeypatch.setattr(matlab, "MAX_BYTES", 1 << 22)
     path = tmp_path / "bomb.mat"
     savemat(path, {"fs": 1.0})
     header = path.read_bytes()[:128]
@@ -82,6 +84,8 @@ def test_a_matlab_file_that_unfolds_without_end(
     assert path.stat().st_size < 1 << 20
     with pytest.raises(StudyError, match="unfolds to more than"):
         read_columns(path)
+    with pytest.raises(ImpactRecordingError, match="unfolds to more than"):
+        read_impacts(path)
 
 
 def test_a_matlab_file_that_nests_without_end(tmp_path: Path) -> None:
@@ -119,6 +123,23 @@ def test_a_matlab_array_that_declares_without_end(
         matrix = struct.pack("<II", 15, len(zlib.compress(matrix))) + zlib.compress(matrix)
     path.write_bytes(path.read_bytes()[:128] + matrix)
     with pytest.raises(StudyError, match="declares 2,147,483,647 elements"):
+        read_columns(path)
+
+
+def test_objects_in_a_matlab_file_and_two_variables_of_one_name(tmp_path: Path) -> None:
+    """A saved workspace holds a session of NI-DAQ or two, which are no arrays."""
+    path = tmp_path / "workspace.mat"
+    savemat(path, {"reference": 1.0})
+    names = b"".join(element(1, name) for name in (b"s", b"MCOS", b"daq.Session"))
+    opaque = element(6, struct.pack("<II", 17, 0))
+    session = element(14, opaque + names + path.read_bytes()[128:])
+    savemat(path, {"out": np.arange(5.0), "sr": 1000.0})
+    saved = path.read_bytes()
+    path.write_bytes(saved + session + session)
+    assert [column.name for column in read_columns(path).columns] == ["out"]
+    np.testing.assert_array_equal(read_impacts(path).samples, np.arange(5.0))
+    path.write_bytes(saved + saved[128:])
+    with pytest.raises(StudyError, match=r'Duplicate variable name "out".*each variable once'):
         read_columns(path)
 
 

@@ -61,6 +61,19 @@ def test_motion_of_another_rate_that_is_said_has_its_speed() -> None:
         assert (stroke.last - stroke.first) / RATE_HZ == pytest.approx(SECONDS, abs=0.1)
 
 
+def test_an_encoder_that_is_turned_back_beyond_zero() -> None:
+    """Its counter has no sign: from 0 it goes to 4294967295."""
+    way = np.rint(np.linspace(40.0, -60.0, round(SECONDS * RATE_HZ)) / 0.0005)
+    found = slide("position_x", "mm", np.mod(way, 2.0**32), scale=0.0005, rate_hz=RATE_HZ)
+    assert found.position_mm[[0, -1], 0] == pytest.approx([40.0, -60.0], abs=0.1)
+    (stroke,) = find_strokes(found)
+    assert stroke.direction == -1
+    assert stroke.speed_mm_s == pytest.approx(SPEED_MM_S, rel=1e-3)
+    assert any("'motion' is a counter of 32 bits" in note for note in found.notes)
+    small = slide("position_x", "um", np.linspace(0.0, 1e5, 50_000), rate_hz=RATE_HZ)
+    assert not any("counter" in note for note in small.notes)
+
+
 def test_a_finger_does_not_stand_still_where_its_velocity_is_missing() -> None:
     """It speeds up from 20 to 40 mm/s; of the second from 2 to 3 s nothing is known."""
     time_s = np.arange(SECONDS * RATE_HZ) / RATE_HZ

@@ -83,3 +83,18 @@ def test_an_acceleration_as_matlab_can_name_it() -> None:
     for name in ("acc_x_ms2", "ax_m_s2", "accel_x_mps2"):
         found = proposed(Column(name, FORCE_N)).column_map.channels["accel_x"]
         assert (found.column, found.unit) == (name, "m/s2")
+
+
+def test_names_as_laboratories_shorten_them() -> None:
+    """A vibrometer also tells where the skin is, which is no velocity."""
+    found = proposed(
+        Column("lat", FORCE_N),
+        Column("nor", np.full(TIME_S.size, 0.4)),
+        Column("LDVpos", 0.01 * FORCE_N),
+        Column("LDVvel [mm/s]", 10.0 * FORCE_N),
+    )
+    mapped = {name: each.column for name, each in found.column_map.channels.items()}
+    assert mapped["force_x"] == "lat"
+    assert mapped["force_z"] == "nor"
+    assert mapped["skin_velocity"] == "LDVvel [mm/s]"
+    assert not asked(found)

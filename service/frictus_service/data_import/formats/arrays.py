@@ -3,26 +3,20 @@
 Of HDF5, which MATLAB 7.3 is too, every data set of numbers is read by its path. Data that lie
 in another file (external storage, virtual data sets, links) are not followed.
 
-Of MATLAB level 5, variables and fields of structs are read. The file is walked before scipy
-reads it: how much it unfolds to, how deeply it nests and how many elements its arrays declare
-is bounded first, since a few bytes may declare any number of gigabytes or levels. Layout:
-MathWorks, MAT-File Format, level 5.
+Of MATLAB level 5, variables and fields of structs are read.
 """
 
-import math
-import struct
-import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import h5py
 import numpy as np
 
-from frictus_service.data_import.formats.columns import MAX_VALUES, Columns, Gatherer
+from frictus_service.data_import.formats.columns import Columns, Gatherer
 from frictus_service.errors import StudyError
 from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, naming_damage
+from frictus_service.study.matlab import MAX_STRUCTS_DEEP, read_variables
 
 MAX_OBJECTS: Final = 4096
 MAX_GROUPS_DEEP: Final = 16
@@ -184,18 +178,6 @@ def _number(gathered: Gatherer, name: str, value: object) -> None:
         gathered.add(name, np.asarray(float(plain)))
 
 
-MAX_BYTES: Final = 8 * MAX_VALUES
-MAX_STRUCTS_DEEP: Final = 8
-MAX_ELEMENTS: Final = 100_000
-HEADER: Final = 128
-OCTAVE_TEXT: Final = b"# Created by Octave"
-MATRIX, COMPRESSED = 14, 15
-FLAGS_BYTES: Final = 16
-"""Of the element that a matrix begins with; its class is the low byte of the flags."""
-SPARSE, OPAQUE = 5, 17
-"""Classes whose arrays hold less than they declare, or declare nothing; scipy bounds them."""
-
-
 def read_matlab(path: Path) -> Columns:
     """Return the variables of a level 5 file as columns; a field of a struct as `struct.field`.
 
@@ -208,14 +190,9 @@ def read_matlab(path: Path) -> Columns:
     StudyError
         If it is too large, too deeply nested or damaged.
     """
-    from scipy.io import loadmat
-
-    _check_bounds(path)
     gathered = Gatherer("MATLAB v5")
-    variables = loadmat(path, struct_as_record=False, squeeze_me=False)
-    for name, value in variables.items():
-        if not name.startswith("__"):
-            _add_variable(gathered, name, value, MAX_STRUCTS_DEEP)
+    for name, value in read_variables(path).items():
+        _add_variable(gathered, name, value, MAX_STRUCTS_DEEP)
     return gathered.result()
 
 
@@ -229,95 +206,3 @@ def _add_variable(gathered: Gatherer, name: str, value: Any, depth: int) -> None
                 _add_variable(gathered, f"{name}.{field}", getattr(inner, field), depth - 1)
     elif value.dtype.kind in "biufc" and gathered.reserve(name, value.shape):
         gathered.add(name, value)
-
-
-def _check_bounds(path: Path) -> None:
-    """Raise where a file unfolds to too much, or nests too deeply."""
-    if path.stat().st_size > MAX_BYTES:
-        raise StudyError(f"it is larger than {MAX_BYTES >> 20} MiB; cut the recording")
-    with path.open("rb") as stream:
-        header = stream.read(HEADER)
-        order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
-        if header.startswith(OCTAVE_TEXT):
-            raise StudyError(
-                "it is Octave's own text, which `save` writes unless told otherwise; save it "
-                "again with -v7"
-            )
-        if order is None:
-            raise StudyError("its header is damaged; accepted: MATLAB level 5 or 7.3")
-        total = 0
-        while tag := stream.read(8):
-            kind, length = _tag(tag, order)
-            whole = stream.read(length)
-            if len(whole) < length:
-                raise StudyError("it is cut short; restore it from a copy, or save it again")
-            if kind == COMPRESSED:
-                whole = _unfolded(whole, MAX_BYTES - total)
-            total += len(whole)
-            if total > MAX_BYTES:
-                raise StudyError(f"it unfolds to more than {MAX_BYTES >> 20} MiB; cut it")
-            _check_depth(whole, order, kind)
-
-
-def _tag(data: bytes, order: str) -> tuple[int, int]:
-    if len(data) < 8:
-        raise StudyError("it is cut short; restore it from a copy, or save it again")
-    kind, length = struct.unpack(order + "II", data)
-    return kind, length
-
-
-def _unfolded(data: bytes, most: int) -> bytes:
-    unzip = zlib.decompressobj()
-    try:
-        whole = unzip.decompress(data, most + 1)
-    except zlib.error as error:
-        raise StudyError(f"it is damaged ({error}); restore it from a copy") from error
-    return whole
-
-
-def _check_depth(whole: bytes, order: str, kind: int) -> None:
-    """Raise where matrices lie in matrices too deeply, or there are too many of them."""
-    spans = [(0, len(whole), 1 if kind == MATRIX else 0)]
-    if kind == MATRIX:
-        _check_dimensions(whole, order)
-    seen = 0
-    while spans:
-        begin, end, depth = spans.pop()
-        if depth > MAX_STRUCTS_DEEP:
-            raise StudyError(
-                f"structs lie in it more than {MAX_STRUCTS_DEEP} deep; save them flat"
-            )
-        for inner_kind, first, last in _elements(whole, begin, end, order):
-            seen += 1
-            if seen > MAX_ELEMENTS:
-                raise StudyError(f"it holds more than {MAX_ELEMENTS} elements; save it flat")
-            if inner_kind == MATRIX:
-                _check_dimensions(whole[first:last], order)
-                spans.append((first, last, depth + 1))
-
-
-def _check_dimensions(matrix: bytes, order: str) -> None:
-    """Raise where an array declares more elements than it has bytes."""
-    if len(matrix) < FLAGS_BYTES + 8:  # an empty one
-        return
-    (flags,) = struct.unpack_from(order + "I", matrix, 8)
-    at = FLAGS_BYTES + 8
-    kind, length = _tag(matrix[FLAGS_BYTES:at], order)
-    if kind >> 16:  # a small element: its length is in the upper half
-        at, length = at - 4, kind >> 16
-    if flags & 0xFF in (SPARSE, OPAQUE):
-        return
-    sizes = struct.iter_unpack(order + "I", matrix[at : at + length // 4 * 4])
-    count = math.prod(size for (size,) in sizes)
-    if count > len(matrix):
-        raise StudyError(f"an array of it declares {count:,} elements and holds fewer; cut it")
-
-
-def _elements(whole: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, int, int]]:
-    while at + 8 <= end:
-        kind, length = _tag(whole[at : at + 8], order)
-        if kind >> 16:  # a small element: type, length and data in eight bytes
-            at += 8
-            continue
-        yield kind, at + 8, min(at + 8 + length, end)
-        at += 8 + length + (-length % 8)
