@@ -155,8 +155,11 @@ def split_name(name: str) -> tuple[str, str]:
     head, found, tail = name.rpartition("_")
     if found and head and tail in UNITS:
         return head, tail
-    if found and head and len(tail) > 1 and is_unit(tail):
-        return head, find_unit(tail) or ""
+    if found and head and is_unit(tail):
+        unit, channel = find_unit(tail) or "", named_channel(head)
+        # `force_n` is normal and `skin_v` a velocity; `voltage_v` is in V.
+        if len(tail) > 1 or (channel and channel.dimension == UNITS[unit].dimension):
+            return head, unit
     return name, ""
 
 

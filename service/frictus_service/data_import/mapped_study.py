@@ -1,12 +1,10 @@
-"""Recordings with a column map as a study: opened as one, and written as one.
+"""Recordings with a column map, opened as a study: each stroke of a recording is a trial.
 
-Each stroke of a recording is a trial. Every command takes a file that has its map beside it;
-`frictus study import` writes such files into one `study/1` file.
+Every command takes a file that has its map beside it.
 """
 
 import hashlib
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -14,13 +12,13 @@ from typing import Final, Self
 
 import numpy as np
 
-from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.data_import.channels import DRIVES
 from frictus_service.data_import.column_map import ColumnMap, load_map, map_beside, map_text
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.data_import.motion import Stroke, conditions_of, find_strokes
-from frictus_service.data_import.recording import MappedRecording, apply_map
+from frictus_service.data_import.recording import MappedRecording
+from frictus_service.data_import.recordings_in_file import mapped_recordings
 from frictus_service.errors import Exclusion, FieldError, StudyError
 from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.validity import LEAST_DRIVE
@@ -33,7 +31,6 @@ from frictus_service.study.plausible import (
     instant,
 )
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
-from frictus_service.study.writer import StudyWriter
 
 AROUND_S: Final = 0.1
 """Positions of so long before and after a stroke belong to its trial."""
@@ -52,7 +49,7 @@ WITHOUT_DRIVE: Final = (
 
 
 class MappedStudy:
-    """A recording under its map; a context manager, with all trials in memory.
+    """The recordings of a file under its map; a context manager, with all trials in memory.
 
     Parameters
     ----------
@@ -64,24 +61,31 @@ class MappedStudy:
     ------
     StudyError
         If the file or the map cannot be used, or no stroke makes a trial; the text says why.
+
+    Attributes
+    ----------
+    recorded_s : float
+        Of all recordings in the file.
     """
 
     def __init__(self, path: Path, column_map: ColumnMap) -> None:
         columns = read_columns(path)
         try:
-            recording = apply_map(columns, column_map)
-            _check_usable(recording)
+            recordings, excluded = mapped_recordings(columns, column_map)
+            for recording in recordings:
+                _check_usable(recording)
+            self.recorded_s = sum(recording.seconds for recording in recordings)
             given = column_map.started_utc or columns.started_utc
-            started = _started(given, path, recording.seconds)
-            notes = [*recording.notes, *([] if given else [BY_FILE_TIME])]
-            self.info = _info(path, columns.format, column_map, notes)
+            started = _started(given, path, self.recorded_s)
+            notes = dict.fromkeys(note for each in recordings for note in each.notes)
+            notes |= dict.fromkeys(_of_file(len(recordings), given))
+            self.info = _info(path, columns.format, column_map, list(notes))
             check_study(self.info)
         except FieldError as error:
             raise StudyError(f"{path}: {error}") from error
         self.path = path
-        self.recording = recording
         self._map = column_map
-        strokes = find_strokes(recording)
+        strokes = list(_strokes(recordings))
         if not strokes:
             look_at = (
                 "the tangential force, whose sign gives the direction where neither position "
@@ -90,15 +94,14 @@ class MappedStudy:
                 else "unit and sign of position and normal force"
             )
             raise StudyError(
-                f"{path}: no stroke is found in {recording.seconds:.3g} s; accepted: sections "
+                f"{path}: no stroke is found in {self.recorded_s:.3g} s; accepted: sections "
                 "of one direction that last 0.1 s and 3 mm at least, the finger pressing; look "
                 f"at {look_at}"
             )
-        self._trials, self.excluded = _trials(
-            path.stem, recording, column_map, strokes, self.info, started
-        )
+        self._trials, left_out = _trials(path.stem, column_map, strokes, self.info, started)
+        self.excluded = (*excluded, *left_out)
         if not self._trials:
-            first = self.excluded[0]
+            first = left_out[0]
             raise StudyError(
                 f"{path}: none of {len(strokes)} strokes makes a trial; the first: "
                 f"{first.field}: {first.reason}"
@@ -170,6 +173,34 @@ class MappedImporter:
 IMPORTER: Final = MappedImporter()
 
 
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """A stroke, its recording, and when that began after the first one."""
+
+    stroke: Stroke
+    recording: MappedRecording
+    begins_s: float
+
+
+def _strokes(recordings: Sequence[MappedRecording]) -> Iterator[_Placed]:
+    begins_s = 0.0
+    for recording in recordings:
+        for stroke in find_strokes(recording):
+            yield _Placed(stroke, recording, begins_s)
+        begins_s += recording.seconds
+
+
+def _of_file(recordings: int, given: str) -> Iterator[str]:
+    """Yield what is assumed of the times of a file."""
+    if recordings > 1:
+        yield (
+            f"the {recordings} recordings of the file are taken to follow each other at once, "
+            "so that what depends on the time between them is not to be trusted"
+        )
+    if not given:
+        yield BY_FILE_TIME
+
+
 def _started(given: str, path: Path, seconds: float) -> datetime:
     """Return when a recording began; a file is last written when its recording ends."""
     if given:
@@ -227,19 +258,19 @@ def _info(path: Path, file_format: str, column_map: ColumnMap, notes: list[str])
 
 def _trials(
     stem: str,
-    recording: MappedRecording,
     column_map: ColumnMap,
-    strokes: list[Stroke],
+    strokes: list[_Placed],
     study: StudyInfo,
     started: datetime,
 ) -> tuple[dict[str, Trial], tuple[Exclusion, ...]]:
-    speeds = conditions_of(np.array([stroke.speed_mm_s for stroke in strokes]))
-    normal = np.array([stroke.normal for stroke in strokes])
+    speeds = conditions_of(np.array([placed.stroke.speed_mm_s for placed in strokes]))
+    normal = np.array([placed.stroke.normal for placed in strokes])
     forces = conditions_of(np.where(normal > 0.0, normal, np.nan))
     kept: dict[str, Trial] = {}
     excluded: list[Exclusion] = []
-    for order, stroke in enumerate(strokes):
-        begin_s = stroke.first / recording.rate_hz
+    for order, placed in enumerate(strokes):
+        stroke, recording = placed.stroke, placed.recording
+        begin_s = placed.begins_s + stroke.first / recording.rate_hz
         asked = TrialInfo(
             id=f"{stem}-{order:04d}",
             participant=column_map.participant,
@@ -302,96 +333,3 @@ def _trial(recording: MappedRecording, stroke: Stroke, asked: TrialInfo) -> Tria
         position_mm=recording.position_mm[near],
         position_t_s=recording.position_t_s[near] - begin_s,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Imported:
-    """What came of an import.
-
-    Attributes
-    ----------
-    trials : int
-        Written.
-    seconds : float
-        Of all trials, and `recorded_s` of all recordings.
-    recorded_s : float
-        Of all recordings.
-    excluded : tuple of Exclusion
-        Strokes that make no trial.
-    notes : tuple of str
-        What was assumed or changed; sentences.
-    """
-
-    trials: int
-    seconds: float
-    recorded_s: float
-    excluded: tuple[Exclusion, ...]
-    notes: tuple[str, ...]
-
-
-def import_recordings(
-    recordings: Sequence[tuple[Path, ColumnMap]],
-    out: Path,
-    mount: TransferFunction | None,
-    tell: Callable[[str], None] = lambda _: None,
-) -> Imported:
-    """Write recordings as a study; one is in memory at a time.
-
-    Parameters
-    ----------
-    recordings : sequence of (Path, ColumnMap)
-        Of the same screen and carrier.
-    out : Path
-        The study.
-    mount : TransferFunction or None
-        Under the screen.
-    tell : callable
-        Called with how far it is, for each trial.
-
-    Raises
-    ------
-    StudyError
-        If one cannot be used, or they are of different rigs; nothing is written then.
-    """
-    _check_same([column_map for _, column_map in recordings])
-    first = recordings[0][1]
-    info = StudyInfo(
-        rig=first.rig,
-        carrier_hz=first.carrier_hz,
-        screen_peak_v=first.screen_peak_v,
-        mount=mount,
-        extras={"imported_from": ", ".join(path.name for path, _ in recordings)[:4000]},
-    )
-    orders: Counter[tuple[str, int]] = Counter()
-    names: Counter[str] = Counter()
-    excluded: list[Exclusion] = []
-    notes: dict[str, None] = {}
-    seconds = recorded_s = 0.0
-    with StudyWriter(out, info) as writer:
-        for path, column_map in recordings:
-            study = MappedStudy(path, column_map)
-            recorded_s += study.recording.seconds
-            excluded += study.excluded
-            notes |= dict.fromkeys(str(study.info.extras["import_notes"]).split("; "))
-            for asked in study.trials:
-                tell(f"{path}: {sum(orders.values())} trials written")
-                place = (asked.participant, asked.session)
-                name = asked.id if not names[asked.id] else f"{asked.id}-{names[asked.id]}"
-                names[asked.id] += 1
-                trial = study.read(asked.id)
-                told = replace(asked, id=name, order=orders[place])
-                orders[place] += 1
-                writer.add(replace(trial, info=told))
-                seconds += len(trial.force_n) / asked.sample_rate_hz
-    notes.pop("", None)
-    return Imported(sum(orders.values()), seconds, recorded_s, tuple(excluded), tuple(notes))
-
-
-def _check_same(maps: Sequence[ColumnMap]) -> None:
-    for key in ("rig", "carrier_hz", "screen_peak_v"):
-        values = {getattr(each, key) for each in maps}
-        if len(values) > 1:
-            raise StudyError(
-                f"the files differ in {key}: {', '.join(map(str, sorted(values)))}; a study "
-                "has one; import them apart"
-            )

@@ -19,7 +19,8 @@ import numpy as np
 from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.data_import.column_map import ColumnMap
 from frictus_service.data_import.formats.columns import Columns
-from frictus_service.data_import.recording import MappedRecording, apply_map
+from frictus_service.data_import.recording import MappedRecording
+from frictus_service.data_import.recordings_in_file import mapped_recordings
 from frictus_service.errors import FieldError
 from frictus_service.identification.observation.observe import PRESSED_SHARE
 from frictus_service.identification.observation.sweeps import (
@@ -182,11 +183,11 @@ def signed(columns: Columns, column_map: ColumnMap) -> Signed:
     """
     reasons: list[str] = []
     try:
-        recording = apply_map(columns, column_map)
+        recording = _longest(columns, column_map)
         if _is_across(recording):
             column_map = _swapped(column_map)
             reasons.append("the finger moves along y of the file: x and y are exchanged")
-            recording = apply_map(columns, column_map)
+            recording = _longest(columns, column_map)
     except FieldError as error:
         return Signed(column_map, tuple(reasons), ((error.field, str(error)),))
     normal = recording.force_n[:, 2]
@@ -216,6 +217,12 @@ def signed(columns: Columns, column_map: ColumnMap) -> Signed:
         )
         return Signed(column_map, tuple(reasons), (question,))
     return Signed(column_map, tuple(reasons), ())
+
+
+def _longest(columns: Columns, column_map: ColumnMap) -> MappedRecording:
+    """Return the longest recording of a file."""
+    recordings, _ = mapped_recordings(columns, column_map)
+    return max(recordings, key=lambda recording: recording.seconds)
 
 
 def _velocity(column_map: ColumnMap) -> dict[str, object]:

@@ -26,12 +26,13 @@ from frictus_service.data_import.channels import (
 from frictus_service.data_import.column_map import ColumnMap, MappedColumn
 from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
 from frictus_service.data_import.motion import signed
+from frictus_service.data_import.recordings_in_file import groups_of
 from frictus_service.study.plausible import OVER_PEAK
 
 RATES_HZ: Final = (10.0, 2e6)
 SECONDS: Final = (0.5, 1e5)
 GRAVITY_TOLERANCE: Final = 0.05
-USUAL: Final = tuple("N mN gf mm m um mm/s m/s m/s2 g V mV kV s ms us 1 %".split())
+USUAL: Final = tuple("N mN gf mm m um mm/s m/s m/s2 g V mV s ms us 1 %".split())
 """Units among which the size of a column decides; others have to be named."""
 PEAK_V: Final = float(ColumnMap.model_fields["screen_peak_v"].default)
 BEFORE_AMPLIFIER_V: Final = 12.0
@@ -45,7 +46,8 @@ class Question:
     Attributes
     ----------
     entry : str
-        The entry of the map, or how the names of several begin; answered once one is set.
+        The entry of the map, or how the names of several begin; answered once one is set, or
+        the channel is left away.
     sentence : str
         What is open, and what is accepted.
     """
@@ -89,7 +91,11 @@ class Proposal:
         left = tuple(
             question
             for question in self.questions
-            if not any(name.startswith(_answers(question.entry)) for name in names)
+            if not any(
+                name.startswith(_answers(question.entry))
+                or name == question.entry.partition(".")[0]  # left away
+                for name in names
+            )
         )
         if not names:
             return self
@@ -116,7 +122,15 @@ def propose(columns: Columns, file_stem: str = "") -> Proposal:
     file_stem : str
         Name of the file: a speed may stand in it.
     """
+    groups = groups_of(columns)
+    if groups:
+        columns = max(groups.values(), key=lambda recording: len(recording.columns))
     draft = _Draft(columns)
+    if groups:
+        first, *_, last = groups
+        draft.reasons.append(
+            f"{len(groups)} recordings, {first} to {last}: columns are called without the group"
+        )
     # Across the slide is little to tell a unit by: the other axes come first.
     for column in sorted(
         columns.columns, key=lambda each: split_name(each.name)[0][-1:] == "y"
@@ -141,7 +155,8 @@ def with_signs(columns: Columns, proposal: Proposal) -> Proposal:
     if proposal.signs_settled:
         return proposal
     if any(
-        question.entry not in ("drive_", "screen_peak_v") for question in proposal.questions
+        not question.entry.startswith(("drive_", "screen_peak_v"))
+        for question in proposal.questions
     ):
         return proposal
     found = signed(columns, proposal.column_map)
@@ -178,7 +193,7 @@ class _Draft:
         channel = channel_of(name, unit)
         if channel is None or not np.isfinite(column.values).any():
             return
-        one_sided = 0.0 <= np.nanmin(column.values) < np.nanmax(column.values)
+        one_sided = np.nanmin(column.values) >= 0.0 < np.nanmax(column.values)
         if channel.name == "drive_voltage" and one_sided:
             channel = BY_NAME["drive_envelope"]
             self.reasons.append(
@@ -280,7 +295,7 @@ class _Draft:
         if 0.0 < peak <= BEFORE_AMPLIFIER_V:
             self.questions.append(
                 Question(
-                    "drive_",
+                    f"{name}.scale",
                     f"the drive voltage {column.name!r} reaches {peak:.3g} V: before an "
                     f"amplifier, set {name}.scale to its gain; at the screen, to 1",
                 )

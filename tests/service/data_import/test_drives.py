@@ -144,7 +144,7 @@ def test_a_voltage_that_is_never_negative_is_an_amplitude() -> None:
     for drive, name, asked in (
         (amplitude_v, "drive_envelope", []),
         (amplitude_v * carrier, "drive_voltage", []),
-        (amplitude_v / 50.0, "drive_envelope", ["drive_"]),
+        (amplitude_v / 50.0, "drive_envelope", ["drive_envelope.scale"]),
     ):
         columns = Columns(
             "text",

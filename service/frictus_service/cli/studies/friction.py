@@ -41,7 +41,7 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
     from frictus_service.data_import.friction.slides import slides_of_recording, slides_of_study
     from frictus_service.data_import.mapped_study import IMPORTER
     from frictus_service.data_import.proposal import speed_in
-    from frictus_service.data_import.recording import apply_map
+    from frictus_service.data_import.recordings_in_file import mapped_recordings
     from frictus_service.study.importers import open_study
 
     if map_file is None and not IMPORTER.recognises(file):
@@ -53,8 +53,14 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
         # One map for files at several speeds.
         named = {"stage_speed_mm_s": speed_in(file.stem)}
         column_map = column_map.model_copy(update=named)
-    recording = apply_map(read_columns(file), column_map)
-    return slides_of_recording(recording, column_map.screen_peak_v)
+    recordings, excluded = mapped_recordings(read_columns(file), column_map)
+    for one in excluded:
+        sys.stderr.write(f"left out: {one.trial}, {one.field}: {one.reason}\n")
+    return [
+        slide
+        for recording in recordings
+        for slide in slides_of_recording(recording, column_map.screen_peak_v)
+    ]
 
 
 def _lines(found: "FrictionReport") -> list[str]:

@@ -12,7 +12,7 @@ from frictus_service.cli.options import AsJson, wants_lines, write_line
 if TYPE_CHECKING:
     from frictus_service.data_import.column_map import ColumnMap
     from frictus_service.data_import.formats.columns import Columns
-    from frictus_service.data_import.mapped_study import Imported
+    from frictus_service.data_import.import_recordings import Imported
     from frictus_service.data_import.proposal import Proposal
 
 MAX_ANSWERS = 200
@@ -61,7 +61,7 @@ def import_recordings(
     units and magnitudes, confirmed by you, and saved beside FILE. An entry that is open is
     asked for, never guessed.
     """
-    from frictus_service.data_import.mapped_study import import_recordings as write
+    from frictus_service.data_import.import_recordings import import_recordings as write
     from frictus_service.errors import StudyError
     from frictus_service.study.trial import read_mount
 
@@ -136,12 +136,15 @@ def _refuse_known_layouts(file: Path) -> None:
 
 def _describe(file: Path, columns: "Columns", proposal: "Proposal") -> None:
     from frictus_service.data_import.recording import mapped_of
+    from frictus_service.data_import.recordings_in_file import groups_of
 
     _tell(f"{file}: {columns.format}, {len(columns.columns)} columns")
     mapped = {each.column for each in proposal.column_map.channels.values()}
     for line in mapped_of(proposal.column_map):
         _tell(f"  {line}")
-    left = [column.name for column in columns.columns if column.name not in mapped]
+    parts = groups_of(columns).values() or [columns]
+    names = dict.fromkeys(column.name for part in parts for column in part.columns)
+    left = [name for name in names if name not in mapped]
     if left:
         more = f" and {len(left) - MOST_SHOWN} more" if len(left) > MOST_SHOWN else ""
         _tell(f"  not used: {', '.join(left[:MOST_SHOWN])}{more}")

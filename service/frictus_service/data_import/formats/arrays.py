@@ -3,9 +3,11 @@
 Of HDF5, which MATLAB 7.3 is too, every data set of numbers is read by its path. Data that lie
 in another file (external storage, virtual data sets, links) are not followed.
 
-Of MATLAB level 5, variables and fields of structs are read.
+Of MATLAB level 5, variables and fields of structs are read; of an array of structs as
+`trial(2).force`.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -47,7 +49,11 @@ def read_hdf5(path: Path) -> Columns:
         gathered = Gatherer("MATLAB v7.3" if matlab else "HDF5")
         for name, value in held.items():
             _number(gathered, name, value)
-        for stored in _data_sets(file):
+        data_sets, groups = _objects(file)
+        for group, held in groups.items():
+            for name in RATE_NAMES:
+                _number(gathered, f"{group}.{name}", held.get(name))
+        for stored in data_sets:
             _add_data_set(gathered, stored)
         return gathered.result()
 
@@ -57,8 +63,11 @@ def _user_block(path: Path) -> bytes:
         return stream.read(128)
 
 
-def _data_sets(file: h5py.File) -> list[Stored]:
+def _objects(file: h5py.File) -> tuple[list[Stored], dict[str, dict[str, Any]]]:
+    """Return the data sets of a file, and the attributes of its groups by name."""
     found: list[Stored] = []
+    groups: dict[str, dict[str, Any]] = {}
+    fields: list[tuple[str, h5py.Dataset]] = []
     seen, deepest = 0, 0
 
     def visit(name: str, held: h5py.HLObject) -> bool | None:
@@ -66,9 +75,15 @@ def _data_sets(file: h5py.File) -> list[Stored]:
         seen, deepest = seen + 1, max(deepest, name.count("/"))
         if seen > MAX_OBJECTS or deepest > MAX_GROUPS_DEEP:
             return True
-        if isinstance(held, h5py.Dataset) and not name.startswith("#"):
-            shape = held.shape or ()
-            found.append(Stored(name.replace("/", "."), shape, held.dtype.kind, held))
+        if name.startswith("#"):
+            return None
+        dotted = name.replace("/", ".")
+        if not isinstance(held, h5py.Dataset):
+            groups[dotted] = hdf5.attributes_of(held, dotted)
+        elif h5py.check_ref_dtype(held.dtype) is h5py.Reference:
+            fields.append((dotted, held))
+        else:
+            found.append(Stored(dotted, held.shape or (), held.dtype.kind, held))
         return None
 
     with naming_damage("file"):
@@ -79,7 +94,22 @@ def _data_sets(file: h5py.File) -> list[Stored]:
         raise StudyError(
             f"groups lie in it more than {MAX_GROUPS_DEEP} deep; save the channels flat"
         )
-    return found
+    for name, field in fields:
+        found += _of_structs(file, name, field)
+    return found, groups
+
+
+def _of_structs(file: h5py.File, name: str, field: h5py.Dataset) -> Iterator[Stored]:
+    """Yield what a field of an array of structs refers to, as MATLAB 7.3 keeps it."""
+    with naming_damage(name):
+        if "MATLAB_class" in field.attrs or field.size > MAX_OBJECTS:  # a cell, or damage
+            return
+        struct, _, last = name.rpartition(".")
+        for number, reference in enumerate(field[()].reshape(-1), 1):
+            held = file[reference] if reference else None
+            if isinstance(held, h5py.Dataset):
+                shape = held.shape or ()
+                yield Stored(f"{struct}({number}).{last}", shape, held.dtype.kind, held)
 
 
 def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
@@ -200,9 +230,9 @@ def _add_variable(gathered: Gatherer, name: str, value: Any, depth: int) -> None
     if depth == 0 or not isinstance(value, np.ndarray):
         return
     if value.dtype == object:
-        if value.size == 1:
-            inner = value.reshape(-1)[0]
+        for number, inner in enumerate(value.reshape(-1), 1):
+            place = name if value.size == 1 else f"{name}({number})"
             for field in getattr(inner, "_fieldnames", ()):
-                _add_variable(gathered, f"{name}.{field}", getattr(inner, field), depth - 1)
+                _add_variable(gathered, f"{place}.{field}", getattr(inner, field), depth - 1)
     elif value.dtype.kind in "biufc" and gathered.reserve(name, value.shape):
         gathered.add(name, value)

@@ -13,7 +13,7 @@ from frictus_service.errors import StudyError
 
 MAX_VALUES: Final = 100_000_000
 """Of all columns of a file together: they are in memory at once, as float64."""
-MAX_COLUMNS: Final = 512
+MAX_COLUMNS: Final = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +164,8 @@ class Gatherer:
         if not any(column.values.size > 1 for column in self._columns):
             raise StudyError(
                 "it holds no column of numbers; accepted: arrays of samples of one or two "
-                "dimensions, also in a struct; save trials in a cell, a table, an array of "
-                "structs or of more dimensions each as a file"
+                "dimensions, also in a struct or an array of structs; save trials in a cell, a "
+                "table or an array of more dimensions each as a struct, or as a file"
             )
         return Columns(self._format, tuple(self._columns), self._numbers, started_utc)
 
