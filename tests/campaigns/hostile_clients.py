@@ -287,7 +287,7 @@ KINDS: Final[
     "unread sockets": (unread_sockets, frozenset({"unread"})),
     "floods": (floods, frozenset({"flooded"})),
     "malformed frames": (malformed_frames, frozenset({"ended"})),
-    "compressed bombs": (compressed_bombs, frozenset({"413", "422", "ended"})),
+    "compressed bombs": (compressed_bombs, frozenset({"415", "ended"})),
 }
 """What each does, and what may come of it."""
 

@@ -77,7 +77,8 @@ class MappedStudy:
             self.recorded_s = sum(recording.seconds for recording in recordings)
             given = column_map.started_utc or columns.started_utc
             started = _started(given, path, self.recorded_s)
-            notes = dict.fromkeys(note for each in recordings for note in each.notes)
+            notes = dict.fromkeys(columns.notes)
+            notes |= dict.fromkeys(note for each in recordings for note in each.notes)
             notes |= dict.fromkeys(_of_file(len(recordings), given))
             self.info = _info(path, columns.format, column_map, list(notes))
             check_study(self.info)

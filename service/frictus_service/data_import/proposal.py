@@ -126,11 +126,7 @@ def propose(columns: Columns, file_stem: str = "") -> Proposal:
     if groups:
         columns = max(groups.values(), key=lambda recording: len(recording.columns))
     draft = _Draft(columns)
-    if groups:
-        first, *_, last = groups
-        draft.reasons.append(
-            f"{len(groups)} recordings, {first} to {last}: columns are called without the group"
-        )
+    draft.reasons += columns.notes
     # Across the slide is little to tell a unit by: the other axes come first.
     for column in sorted(
         columns.columns, key=lambda each: split_name(each.name)[0][-1:] == "y"
@@ -193,8 +189,11 @@ class _Draft:
         channel = channel_of(name, unit)
         if channel is None or not np.isfinite(column.values).any():
             return
-        one_sided = np.nanmin(column.values) >= 0.0 < np.nanmax(column.values)
-        if channel.name == "drive_voltage" and one_sided:
+        low, high = np.nanmin(column.values), np.nanmax(column.values)
+        if channel.name == "position_x" and low == high:
+            self.reasons.append(f"{column.name!r} never changes: it is no position")
+            return
+        if channel.name == "drive_voltage" and low >= 0.0 < high:
             channel = BY_NAME["drive_envelope"]
             self.reasons.append(
                 f"{column.name!r} is never negative, so it has no carrier: it is taken as the "

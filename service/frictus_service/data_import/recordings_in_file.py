@@ -53,13 +53,22 @@ def groups_of(columns: Columns) -> dict[str, Columns]:
         if name.rpartition(".")[0] not in members
     }
     found = {}
+    told = (
+        f"{len(groups)} recordings, {groups[0]} to {groups[-1]}: columns are called without "
+        "the group"
+    )
     for group in groups:
         own = {
             name.removeprefix(f"{group}."): value
             for name, value in columns.numbers.items()
             if name.startswith(f"{group}.")
         }
-        found[group] = replace(columns, columns=tuple(members[group]), numbers=of_all | own)
+        found[group] = replace(
+            columns,
+            columns=tuple(members[group]),
+            numbers=of_all | own,
+            notes=(*columns.notes, told),
+        )
     return found
 
 

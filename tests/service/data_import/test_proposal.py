@@ -98,3 +98,12 @@ def test_names_as_laboratories_shorten_them() -> None:
     assert mapped["force_z"] == "nor"
     assert mapped["skin_velocity"] == "LDVvel [mm/s]"
     assert not asked(found)
+
+
+def test_a_place_that_never_changes_is_no_position() -> None:
+    """The stage of a rotary tribometer stands still; the disc turns."""
+    still = Column("XYZ.X Position (mm)", np.full(TIME_S.size, 3.9))
+    found = propose(Columns("text", (Column("t [s]", TIME_S), still)))
+    assert "position_x" not in found.column_map.channels
+    assert "'XYZ.X Position (mm)' never changes: it is no position" in found.reasons
+    assert "stage_speed_mm_s" in asked(found)

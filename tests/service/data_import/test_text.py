@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 
 from frictus_service.data_import.formats.tables import read_text
+from frictus_service.data_import.recordings_in_file import groups_of
 from frictus_service.errors import StudyError
 
 
@@ -45,3 +47,43 @@ def test_aligned_columns_keep_their_values(tmp_path: Path) -> None:
     assert found == {"column 1": [0.1, -0.3], "column 2": [-0.2, 0.4]}
     found = columns_of(b"t Fx\r\n 0.1 -0.2 \r\n-0.3  0.4 \r\n", tmp_path)
     assert found == {"t": [0.1, -0.3], "Fx": [-0.2, 0.4]}
+
+
+STEP = b"""
+Step No. %d
+Velocity = 240
+Fx,Fz,X,T
+g,g,mm,sec
+
+1.0,-200.0,5.0,0.0
+2.0,-200.0,6.0,0.1
+3.0,-200.0,7.0,0.2
+"""
+
+
+def test_steps_of_a_tribometer_are_recordings(tmp_path: Path) -> None:
+    """Each has its heading; a summary may end the file."""
+    path = tmp_path / "test.csv"
+    path.write_bytes(
+        b"Created by a tribometer" + STEP % 1 + STEP % 2 + b"\nTotalTime\n00:12:56.5\n"
+    )
+    found = read_text(path)
+    assert list(groups_of(found)) == ["section 1", "section 2"]
+    assert {column.unit for column in found.columns} == {"g", "mm", "sec"}
+    assert found.columns[-1].values.tolist() == [0.0, 0.1, 0.2]
+    (told,) = found.notes
+    assert told.endswith("the last 2 lines, from 'TotalTime' on")
+
+
+def test_a_last_row_that_was_not_written_whole_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "cut.csv"
+    path.write_bytes(b"t,Fx,x\n0.0,1.0,2.0\n0.1,1.0,2.1\n0.2,1.")
+    found = read_text(path)
+    assert [column.values.size for column in found.columns] == [2, 2, 2]
+    assert "'0.2,1.'" in found.notes[0]
+
+
+@pytest.mark.parametrize("damaged", [b"0.1,1.0", b"broken", b"0.1,1.0,2.1,7", b"0.1,1.o,2.1"])
+def test_a_damaged_row_is_refused(damaged: bytes, tmp_path: Path) -> None:
+    with pytest.raises(pa.ArrowInvalid):
+        columns_of(b"t,Fx,x\n0.0,1.0,2.0\n" + damaged + b"\n0.2,1.0,2.2\n", tmp_path)

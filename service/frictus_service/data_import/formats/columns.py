@@ -52,12 +52,15 @@ class Columns:
         Single numbers by name: a sample rate among them, where the file says one.
     started_utc : str
         ISO 8601; empty where the file does not say it.
+    notes : tuple of str
+        What of the file was left out; sentences.
     """
 
     format: str
     columns: tuple[Column, ...]
     numbers: dict[str, float] = field(default_factory=dict)
     started_utc: str = ""
+    notes: tuple[str, ...] = ()
 
 
 class Gatherer:
@@ -73,6 +76,7 @@ class Gatherer:
         self._format = format_name
         self._columns: list[Column] = []
         self._numbers: dict[str, float] = {}
+        self._notes: list[str] = []
         self._values = 0
 
     def reserve(self, name: str, shape: tuple[int, ...]) -> bool:
@@ -148,6 +152,10 @@ class Gatherer:
             values = np.ascontiguousarray(matrix[:, number], dtype=np.float64)
             self._columns.append(Column(each, values, unit, rate_hz))
 
+    def note(self, sentence: str) -> None:
+        """Keep what of the file was left out."""
+        self._notes.append(sentence)
+
     def result(self, started_utc: str = "") -> Columns:
         """Return what was gathered.
 
@@ -167,7 +175,13 @@ class Gatherer:
                 "dimensions, also in a struct or an array of structs; save trials in a cell, a "
                 "table or an array of more dimensions each as a struct, or as a file"
             )
-        return Columns(self._format, tuple(self._columns), self._numbers, started_utc)
+        return Columns(
+            self._format,
+            tuple(self._columns),
+            self._numbers,
+            started_utc,
+            tuple(self._notes),
+        )
 
 
 def _numbered(name: str, count: int) -> list[str]:

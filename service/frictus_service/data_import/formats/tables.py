@@ -6,7 +6,7 @@ character.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -24,6 +24,11 @@ HEAD_BYTES: Final = 1 << 16
 DELIMITERS: Final = ("\t", ";", ",", " ")
 MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "-", "null")
 SPARE_SPACES: Final = re.compile(rb"(?:\A|(?<=[\r\n])) +| +(?=[ \r\n]|\Z)")
+MAX_SECTIONS: Final = 1024
+MAX_SECTIONS_BYTES: Final = 1 << 28
+"""Sections are found line by line, which are in memory at once."""
+HEAD_LINES: Final = 2000
+ROW_BEGINS: Final = b'+-.0123456789nN",;\t'
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
 
 
@@ -70,10 +75,23 @@ def read_text(path: Path) -> Columns:
     with path.open("rb") as stream:
         layout = find_layout(stream.read(HEAD_BYTES))
     gathered = Gatherer("text")
-    batches = []
     source: Path | BytesIO = path
     if layout.delimiter == " ":  # pyarrow takes each space as an end of a field
         source = BytesIO(SPARE_SPACES.sub(b"", path.read_bytes()))
+    try:
+        _add_rows(gathered, source, layout, "")
+    except pa.ArrowInvalid as error:  # lines of text after the first of numbers, or damage
+        if path.stat().st_size > MAX_SECTIONS_BYTES:
+            raise
+        return _read_sections(path.read_bytes(), error)
+    return gathered.result()
+
+
+def _add_rows(
+    gathered: Gatherer, source: Path | BytesIO, layout: TextLayout, section: str
+) -> None:
+    """Add the columns of a table; of one of several, with its name before theirs."""
+    batches = []
     with csv.open_csv(
         source,
         read_options=csv.ReadOptions(
@@ -95,8 +113,56 @@ def read_text(path: Path) -> Columns:
         table = Table.from_batches(batches, reader.schema)
     for name, unit in zip(layout.names, layout.units, strict=True):
         # Null stands where a field is empty.
-        gathered.add(name, table.column(name).to_numpy().astype(np.float64), unit)
+        values = table.column(name).to_numpy().astype(np.float64)
+        gathered.add(f"{section}{name}", values, unit)
+
+
+def _read_sections(content: bytes, error: pa.ArrowInvalid) -> Columns:
+    """Return the columns of a text in sections, as `section 2.Fx`, and leave what ends it.
+
+    Programs of tribometers write each step below the one before, with a heading of its own, and
+    a summary at the end. Where no heading stands between, a line is damaged.
+    """
+    gathered = Gatherer("text")
+    lines = content.splitlines(keepends=True)
+    at, sections = 0, list[tuple[TextLayout, bytes]]()
+    while any(line.strip() for line in lines[at + 1 :]):
+        try:
+            layout = find_layout(b"".join(lines[at : at + HEAD_LINES])[:HEAD_BYTES])
+        except StudyError:
+            break
+        names = sections[0][0].names if sections else layout.names
+        unnamed = bool(sections) and layout.names[0] == "column 1"
+        if unnamed or layout.names != names or len(sections) == MAX_SECTIONS:
+            raise error
+        first = last = at + layout.skipped
+        while last < len(lines) and _is_row(lines[last], layout):
+            last += 1
+        sections.append((layout, b"".join(lines[first:last])))
+        at = last
+    for number, (layout, rows) in enumerate(sections, 1):
+        if layout.delimiter == " ":
+            rows = SPARE_SPACES.sub(b"", rows)
+        name = f"section {number}." if len(sections) > 1 else ""
+        _add_rows(gathered, BytesIO(rows), replace(layout, skipped=0), name)
+    left = [line.decode(errors="replace").strip() for line in lines[at:] if line.strip()]
+    if left:
+        gathered.note(
+            f"left out, for they are no rows of the table: the last {len(left)} lines, from "
+            f"{left[0][:40]!r} on"
+        )
     return gathered.result()
+
+
+def _is_row(line: bytes, layout: TextLayout) -> bool:
+    """Return whether a line may be numbers, or is empty; pyarrow says whether it is."""
+    text = line.strip()
+    fields = (
+        len(text.split())
+        if layout.delimiter == " "
+        else text.count(layout.delimiter.encode()) + 1
+    )
+    return not text or (fields == len(layout.names) and text[:1] in ROW_BEGINS)
 
 
 def find_layout(head: bytes) -> TextLayout:

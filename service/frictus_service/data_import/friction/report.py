@@ -69,6 +69,11 @@ def report_friction(slides: Sequence[Slide]) -> FrictionReport:
     StudyError
         If there is none without a drive.
     """
+    if not slides:
+        raise StudyError(
+            "no slide is found; accepted: sections of one direction that last 0.1 s and 3 mm "
+            "at least, the finger pressing; look at unit and sign of position and normal force"
+        )
     blank = [each for each in slides if not each.driven]
     if not blank:
         raise StudyError(
