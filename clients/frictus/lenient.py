@@ -18,6 +18,15 @@ NO_TRUTH: Final = BeforeValidator(_no_truth)
 """Of a literal number: there true is taken for 1, however strict the model is."""
 
 
+def _tuple_of(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+LISTED: Final = BeforeValidator(_tuple_of)
+"""Of a tuple that stands in a document as a list, whoever parsed it: read strictly, it takes
+a list only where pydantic parses the JSON itself."""
+
+
 class _Spelled(ModelMetaclass):
     """Refuses a misspelt argument; what is read (`model_validate`) does not pass here."""
 

@@ -9,11 +9,11 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from frictus.lenient import Lenient
+from frictus.lenient import LISTED, Lenient
 from frictus.textures import SpeedMmS
 
 Bound = Annotated[FiniteFloat, Field(ge=0.0, le=100_000.0)]
-Range = tuple[Bound, Bound]
+Range = Annotated[tuple[Bound, Bound], LISTED]
 Value = Annotated[FiniteFloat, Field(ge=-1e15, le=1e15)]
 MAX_EFFECTS = 64
 MAX_DEPTH: Final = 32

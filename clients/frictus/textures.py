@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
-from frictus.lenient import Lenient
+from frictus.lenient import LISTED, Lenient
 
 MAX_COMPONENTS = 4096
 MAX_PROFILE_SAMPLES = 65_536
@@ -26,6 +26,7 @@ PhaseRad = Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)]
 SpeedMmS = Annotated[FiniteFloat, Field(ge=1.0, le=1_000.0)]
 AngleDeg = Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)]
 PositionMm = Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)]
+SpanMm = Annotated[tuple[PositionMm, PositionMm], LISTED]
 PERIOD_MM = (1e-3, 1_000.0)
 """Accepted periods of a spatial texture, mm."""
 PERIOD_S = (1e-4, 10.0)
@@ -137,9 +138,9 @@ class Region(Lenient):
     """A rectangle of the screen that feels like `texture`; overlapping regions add."""
 
     texture: Texture
-    x_mm: tuple[PositionMm, PositionMm] = (-1_000.0, 1_000.0)
+    x_mm: SpanMm = (-1_000.0, 1_000.0)
     """From, to. The default reaches past any screen and is cut to it."""
-    y_mm: tuple[PositionMm, PositionMm] = (-1_000.0, 1_000.0)
+    y_mm: SpanMm = (-1_000.0, 1_000.0)
     gain: Annotated[FiniteFloat, Field(ge=0.0, le=100.0)] = 1.0
     edge_fade_mm: Annotated[FiniteFloat, Field(ge=0.0, le=50.0)] = 1.0
     """Width over which the texture fades in from the edge; 0 is taken as 0.1 mm."""

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -246,9 +247,34 @@ def test_misspelt_arguments_are_not(
         kind(**given)
 
 
+CONVERTED: dict[str, list[object]] = {
+    "integer": [True, "1", 1.0],
+    "number": [True, "1"],
+    "boolean": [1, "yes"],
+}
+
+
+@pytest.mark.parametrize("name", sorted(MESSAGES))
+@pytest.mark.parametrize("parse", [None, json.loads])
+def test_nothing_is_converted(name: str, parse: Callable[[bytes], object] | None) -> None:
+    properties = MESSAGES[name].model_json_schema()["properties"]
+    for field, schema in properties.items():
+        types = {one.get("type") for one in schema.get("anyOf", [schema])}
+        for value in (value for kind in types for value in CONVERTED.get(kind, [])):
+            with pytest.raises(FrameError) as refusal:
+                MESSAGES[name].from_json(json.dumps({field: value}).encode(), parse)
+            # Fields that are missing come first, and only three complaints are told.
+            fault = refusal.value.__cause__
+            assert isinstance(fault, ValidationError)
+            told = {one["loc"][0]: one["msg"] for one in fault.errors()}
+            assert "should be a valid" in told[field], (field, value)
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
+        ("100.0", "true"),
+        ("100.0", '"100"'),
         ("100.0", "NaN"),
         ("100.0", "Infinity"),
         ("100.0", "1e999"),

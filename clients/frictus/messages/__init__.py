@@ -1,6 +1,7 @@
 """JSON messages on the wire. Every quantity carries its unit in its name.
 
-Readers are lenient to what newer writers add; NaN and infinities are refused.
+Readers are lenient to what newer writers add; types are not converted, and NaN and infinities
+are refused.
 """
 
 from typing import Final

@@ -1,12 +1,12 @@
 """What all JSON messages share: the words and ranges of the wire, and how one is read."""
 
+from collections.abc import Callable
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
 from frictus.lenient import Lenient
-from frictus.textures import PositionMm
 
 RefusalCode = Literal[
     "bad_request",  # the payload cannot be read; the text says where
@@ -45,7 +45,6 @@ MAX_MARKER: Final = 1_000
 MAX_COUNT: Final = 2**63 - 1
 Count = Annotated[int, Field(ge=0, lt=MAX_COUNT + 1)]
 Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
-SpanMm = tuple[PositionMm, PositionMm]
 VelocityMmS = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 ForceN = Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)]
 DurationMs = Annotated[FiniteFloat, Field(ge=-1e12, le=1e12)]
@@ -65,13 +64,16 @@ class Message(Lenient):
         return self.model_dump_json(by_alias=True).encode()
 
     @classmethod
-    def from_json(cls, payload: bytes) -> Self:
-        """Read a message.
+    def from_json(cls, payload: bytes, parse: Callable[[bytes], object] | None = None) -> Self:
+        """Read a message. Nothing is converted: true is no number, and "1" neither.
 
         Parameters
         ----------
         payload : bytes
             JSON text in UTF-8.
+        parse : callable or None
+            Parser of long payloads, which raises ValueError for what is not JSON; None:
+            pydantic's own.
 
         Raises
         ------
@@ -79,6 +81,10 @@ class Message(Lenient):
             If it is not JSON, or a field is missing, of another type or out of range.
         """
         try:
-            return cls.model_validate_json(payload)
+            if parse is None:
+                return cls.model_validate_json(payload, strict=True)
+            return cls.model_validate(parse(payload), strict=True)
         except ValidationError as error:
             raise FrameError(f"not a {cls.__name__}: {explain(error)}") from error
+        except ValueError as error:
+            raise FrameError(f"not a {cls.__name__}: not JSON: {error}") from error

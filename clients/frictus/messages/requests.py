@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, FiniteFloat
 
 from frictus.keys import of_a_file
+from frictus.lenient import LISTED
 from frictus.messages.base import (
     MAX_REASON,
     AdaptationPolicy,
@@ -32,7 +33,7 @@ class ArmRequest(Request):
     """Take the rig and let it drive the screen while the lease is renewed."""
 
     lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 500
-    share_with: Annotated[tuple[Name, ...], Field(max_length=16)] = ()
+    share_with: Annotated[tuple[Name, ...], Field(max_length=16), LISTED] = ()
     """Others who may set scenes, stream and excite until the lease ends: clients, or people by
     what stands before the last dot of their clients' names."""
     keep_model: bool = False

@@ -16,12 +16,11 @@ from frictus.messages.base import (
     LengthS,
     Message,
     SafetyState,
-    SpanMm,
     UtcNs,
     VelocityMmS,
 )
 from frictus.model import BY_MODEL, Compensation, Model, Range
-from frictus.textures import PhaseRad, PositionMm, Scene
+from frictus.textures import PhaseRad, PositionMm, Scene, SpanMm
 
 SensorName = Literal["touch", "acceleration", "force"]
 

@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, SecretStr
 
 from frictus.keys import Topic, Topics
+from frictus.lenient import NO_TRUTH
 from frictus.messages import Applied, Count, Message, UtcNs
 from frictus.names import Name
 from frictus.textures import PositionMm, RmsFriction, Scene
@@ -33,7 +34,7 @@ class Hello(_Asked):
     """The first message: who asks. It is the only one with a token."""
 
     op: Literal["hello"]
-    version: Literal[1]
+    version: Annotated[Literal[1], NO_TRUTH]
     token: Annotated[SecretStr, Field(max_length=MAX_TOKEN)] | None = None
     page: Literal["participant"] | None = None
     """In front of whom it is, as others read of whoever stops or holds a rig."""

@@ -39,6 +39,7 @@ def test_what_is_left_out_is_usual() -> None:
         '{"op":["watch"]}',
         '{"op":"hello"}',
         '{"op":"hello","version":2}',
+        '{"op":"hello","version":true}',
         '{"op":"hello","version":1,"token":7}',
         '{"op":"watch"}',
         '{"op":"watch","rig":"../rig1"}',
