@@ -200,3 +200,15 @@ def test_the_manual_has_every_error() -> None:
     manual = Path(__file__).parents[3] / "docs" / "rest.md"
     rows = re.findall(r"^\| (\d{3}) \| `(\w+)` \|", manual.read_text("utf-8"), re.MULTILINE)
     assert sorted(rows) == sorted((str(kind.status), kind.code) for kind in kinds())
+
+
+@pytest.mark.parametrize("bad", ["VISIT", "a" * 65, "%E2%80%AE20261130"])
+@pytest.mark.parametrize("plural", ["calibrations", "discoveries", "experiments"])
+def test_an_id_that_is_none_is_refused_in_words(plural: str, bad: str, api: TestClient) -> None:
+    paths = [("GET", ""), ("DELETE", ""), ("GET", "/events")]
+    for method, path in paths + [("POST", "/pause")] * (plural == "experiments"):
+        answer = api.request(method, f"/v1/{plural}/{bad}{path}")
+        check(answer)
+        assert answer.json()["code"] == "bad_request"
+        (fault,) = answer.json()["errors"]
+        assert fault["what"].startswith("1 to 64 digits, letters a to f and '-' are accepted")

@@ -11,6 +11,7 @@ from fastapi import APIRouter, Depends, Header, Path, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
+from frictus.names import Matching
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.limits import RequestLimits
@@ -23,6 +24,10 @@ LOOK_S: Final = 0.2
 """How often a stream of events looks for more."""
 LastEventId = Annotated[int, Header(ge=0, le=2**31 - 1, description="Begin behind this event")]
 """What a client that comes back has heard already."""
+_ID: Final = Matching(
+    r"^[0-9a-f-]{1,64}$",
+    "1 to 64 digits, letters a to f and '-' are accepted: take an id of the list",
+)
 Problems = tuple[type[problems.ApiError], ...]
 ASKED: Final[Problems] = (problems.UnauthenticatedError, problems.MissingScopeError)
 """Problems of any path that a token opens."""
@@ -57,8 +62,10 @@ async def place(
 
 def id_of(kind: str) -> Any:
     """Return the declaration of the id in the path of a job."""
-    what = f"Id of the {kind}, as it was made"
-    return Path(alias=kind, pattern=r"^[0-9a-f-]{1,64}$", description=what)
+    declared = Path(alias=kind, description=f"Id of the {kind}, as it was made")
+    # Where a declaration is a default, FastAPI passes over what an Annotated says besides.
+    declared.metadata.append(_ID)
+    return declared
 
 
 class JobRoutes(Generic[Job]):
