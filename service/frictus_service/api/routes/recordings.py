@@ -140,6 +140,17 @@ def _conflicts() -> Iterator[None]:
         raise problems.RecordingConflictError(str(error)) from error
 
 
+@contextmanager
+def _kept(name: str) -> Iterator[None]:
+    """Answer with 404 where a recording is deleted or moved while it is looked at."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise problems.RecordingNotFoundError(
+            f"there is no recording {name!r} any more: deleted or moved while it was read"
+        ) from error
+
+
 @router.get(
     "/recordings",
     dependencies=[Depends(needs("read"))],
@@ -197,7 +208,7 @@ def get_recording_course(
 
     path = _finished(name, given)
     limits: RequestLimits = request.app.state.limits
-    with limits.courses.held(address_of(request)):
+    with limits.courses.held(address_of(request)), _kept(name):
         try:
             course = course_of(path, length_s(shelf_entry(path)) or 0.0)
         except RecordingError as error:
@@ -284,7 +295,9 @@ def _finished(name: str, given: Services) -> FilePath:
     # A link in the folder may lead anywhere: what lies elsewhere is no recording of it.
     if not path.is_file() or path.resolve().parent != folder:
         raise problems.RecordingNotFoundError(f"there is no recording {name!r}")
-    if not is_finished(path):
+    with _kept(name):
+        finished = is_finished(path)
+    if not finished:
         raise problems.RecordingConflictError(
             f"{name!r} is being written, or was torn: end it, or make a finished file of it "
             "with `frictus recover`"

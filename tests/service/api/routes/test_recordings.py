@@ -14,6 +14,7 @@ from tests.service.recording.known import info
 from tests.service.recording.test_export import STATUS, UTC_NS, Tape, value
 
 from frictus_service.api.routes.recordings import _notes
+from frictus_service.recording import course, summary
 from frictus_service.recording.writer import RecordingWriter
 
 Serve = Callable[..., TestClient]
@@ -222,3 +223,21 @@ def test_what_is_not_there_or_not_finished_has_no_other_form(
         answer = api.get(f"/v1/recordings/{name}/{form}")
         assert (answer.status_code, answer.json()["code"]) in accepted
         assert str(folder) not in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("asked", ["is_finished", "shelf_entry", "course_of"])
+def test_one_that_is_deleted_while_it_is_looked_at_is_not_there(
+    asked: str, api: TestClient, taped: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = course if asked == "course_of" else summary
+    ask = getattr(module, asked)
+
+    def deleted_before(path: Path, *more: Any) -> Any:
+        taped.unlink()
+        return ask(path, *more)
+
+    monkeypatch.setattr(module, asked, deleted_before)
+    answer = api.get("/v1/recordings/taped/course")
+    assert (answer.status_code, answer.json()["code"]) == (404, "no_recording")
+    assert "deleted or moved while" in answer.json()["detail"]
+    assert str(taped.parent) not in answer.json()["detail"]
