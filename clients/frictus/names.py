@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
@@ -49,3 +49,25 @@ NAME: Final = Matching(
 MAX_NAME: Final = 64
 """Characters of the name of a site, a rig or a client."""
 Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME), NAME]
+
+
+def _shown(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("letters and signs that show are accepted, no control characters")
+    return text
+
+
+Pseudonym = Annotated[str, Field(max_length=64), AfterValidator(_shown)]
+"""Of a participant, as studies take it."""
+
+
+def name_in(content: bytes) -> str:
+    """Return the name that some bytes hold; empty where they hold none.
+
+    Parameters
+    ----------
+    content : bytes
+        Of a sender: other characters could steer the terminal that shows who stopped a rig.
+    """
+    name = content.decode("ascii", "replace")
+    return name if re.fullmatch(NAME.pattern, name) and len(name) <= MAX_NAME else ""

@@ -326,7 +326,7 @@ class Rig(WatchedRig):
             Of the recording: 1 to 100 letters, digits, ``-``, ``_`` and ``.``; refused with
             code `conflict` where it is taken, or while another recording is under way.
         participant : str or None
-            Pseudonym, at most 64 characters.
+            Pseudonym, at most 64 characters that show; no control characters.
         notes : str
             Kept in the recording.
 

@@ -17,14 +17,14 @@ from frictus.messages.base import (
 )
 from frictus.messages.states import Applied, Excitation
 from frictus.model import Compensation, Model
-from frictus.names import MAX_NAME, NAME, Name
+from frictus.names import MAX_NAME, NAME, Name, Pseudonym
 from frictus.textures import PositionMm, RmsFriction, Scene
 
 
 class Request(Message):
     """What every call carries."""
 
-    client: Annotated[str, Field(min_length=1, max_length=64)]
+    client: Name
     utc_ns: UtcNs
     ttl_ms: Annotated[int, Field(gt=0, le=60_000)] = 1_000
 
@@ -109,7 +109,7 @@ class RecordRequest(Request):
         AfterValidator(of_a_file),
     ]
     """Of the file, too: it ends without a dot and is no device of Windows, such as ``nul``."""
-    participant: Annotated[str, Field(max_length=64)] | None = None
+    participant: Pseudonym | None = None
     notes: Annotated[str, Field(max_length=10_000)] = ""
 
 

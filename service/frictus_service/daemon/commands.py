@@ -28,7 +28,7 @@ from frictus.messages import (
     Reply,
     Request,
 )
-from frictus.names import MAX_NAME
+from frictus.names import MAX_NAME, name_in
 from frictus.stream import ticket_of
 from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits
@@ -397,4 +397,4 @@ def _name_in(attachment: zenoh.ZBytes | None) -> str:
     """Return the client's name that an attachment holds; empty where it holds none."""
     if attachment is None or len(attachment) > MAX_NAME:
         return ""
-    return attachment.to_bytes().decode("ascii", "replace")
+    return name_in(attachment.to_bytes())

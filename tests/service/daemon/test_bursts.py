@@ -13,7 +13,7 @@ from frictus.stream import MAX_FRAME_BYTES
 from frictus.textures import Region
 from frictus_hardware.physics.screen import Screen
 from frictus_service.command_validation import SHORT_BYTES
-from frictus_service.daemon.commands import UNNAMED_BYTES
+from frictus_service.daemon.commands import UNNAMED_BYTES, _name_in
 from frictus_service.daemon.inboxes import IncomingCommand
 from frictus_service.synthesis.layers import Layer, layers_of
 
@@ -215,3 +215,8 @@ def test_a_name_that_is_not_the_attachments_is_refused(desk: Wired) -> None:
     reply = desk.commands.render(message)
     assert reply.code == "bad_request"
     assert "'ben'" in reply.message
+
+
+def test_who_stops_is_named_only_by_a_name() -> None:
+    assert _name_in(zenoh.ZBytes(b"ann.rest")) == "ann.rest"
+    assert _name_in(zenoh.ZBytes(b"\x1b[31mann\nrig1 tripped")) == ""

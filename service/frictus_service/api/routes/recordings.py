@@ -22,7 +22,7 @@ from starlette.types import Receive, Scope, Send
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
-from frictus.names import NAME
+from frictus.names import NAME, Pseudonym
 from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
@@ -78,7 +78,7 @@ class RecordingAsked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: Annotated[str, Field(min_length=1, max_length=100), NAME]
-    participant: Annotated[str, Field(max_length=64)] | None = None
+    participant: Pseudonym | None = None
     notes: Annotated[str, Field(max_length=10_000)] = ""
 
 
