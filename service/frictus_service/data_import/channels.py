@@ -190,7 +190,7 @@ class Channel:
 
 
 CHANNELS: Final = (
-    Channel("time", "time", "of each sample", r"t|time|time_?stamps?|zeit", (0.0, 1e7)),
+    Channel("time", "time", "of each sample", r"t|time|time_?stamps?|zeit|x_value", (0.0, 1e7)),
     Channel(
         "force_x",
         "force",

@@ -5,7 +5,9 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
+from frictus_service.data_import.formats.read import read_columns
 from frictus_service.data_import.formats.tables import read_text
+from frictus_service.data_import.proposal import propose
 from frictus_service.data_import.recordings_in_file import groups_of
 from frictus_service.errors import StudyError
 
@@ -87,3 +89,37 @@ def test_a_last_row_that_was_not_written_whole_is_told(tmp_path: Path) -> None:
 def test_a_damaged_row_is_refused(damaged: bytes, tmp_path: Path) -> None:
     with pytest.raises(pa.ArrowInvalid):
         columns_of(b"t,Fx,x\n0.0,1.0,2.0\n" + damaged + b"\n0.2,1.0,2.2\n", tmp_path)
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Date\t2026/03/01
+Time\t10:11:12{point}5
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t3\t3\t
+Date\t2026/03/01\t2026/03/01\t
+X_Dimension\tTime\tTime\t
+X0\t0{point}0E+0\t0{point}0E+0\t
+Delta_X\t0{point}001\t0{point}001\t
+***End_of_Header***\t\t\t
+X_Value\tFx\tFz\tComment
+"""
+
+
+@pytest.mark.parametrize("point", [".", ","])
+def test_measurements_of_labview(point: str, tmp_path: Path) -> None:
+    """Its heading has a column for comments, which its rows lack."""
+    path = tmp_path / "day.lvm"
+    rows = [f"0{point}00{row}\t0{point}25\t0{point}5\r\n" for row in range(3)]
+    path.write_text(LVM.format(point=point) + "".join(rows), encoding="utf-8", newline="")
+    found = read_columns(path)
+    assert {column.name: column.values.tolist() for column in found.columns} == {
+        "X_Value": [0.0, 0.001, 0.002],
+        "Fx": [0.25] * 3,
+        "Fz": [0.5] * 3,
+    }
+    assert set(propose(found).column_map.channels) == {"time", "force_x", "force_z"}

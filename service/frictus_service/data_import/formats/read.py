@@ -13,7 +13,7 @@ from frictus_service.study.file_state import unchanged
 ACCEPTED: Final = (
     "accepted: MATLAB (.mat, level 5 or 7.3), HDF5, CSV, TSV and other text, WAV, Parquet, TDMS"
 )
-TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
+TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 _SIGNATURES: Final[dict[bytes, Callable[[Path], Columns]]] = {
     b"\x89HDF\r\n\x1a\n": arrays.read_hdf5,
     b"RIFF": signals.read_wav,

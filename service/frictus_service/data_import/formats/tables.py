@@ -240,6 +240,8 @@ def _heading(
     texts = []
     for line in lines:
         fields = _split(line.lstrip("#%/ "), delimiter)
+        if fields[-1].lower() == "comment":  # of LabVIEW, whose rows rarely have one
+            fields.pop()
         if len(fields) == count and any(fields):
             texts.append(fields)
     if not texts:
