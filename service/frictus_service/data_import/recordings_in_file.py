@@ -131,9 +131,10 @@ def _at_each_start(part: Columns, column_map: ColumnMap, names: set[str]) -> lis
     times = mapped[clock.column]
     if times.size < 2 or any(values.size != times.size for values in mapped.values()):
         return [part]
-    steps = np.diff(times)
-    step = np.nanmedian(np.abs(steps))
-    anew = (steps < 0.0) & (np.abs(times[1:] - times[0]) <= step)
+    with np.errstate(invalid="ignore"):  # of infinite times, which are refused later
+        steps = np.diff(times)
+        step = np.median(np.abs(steps[np.isfinite(steps)])) if np.isfinite(steps).any() else 0.0
+        anew = (steps < 0.0) & (np.abs(times[1:] - times[0]) <= step)
     starts = [0, *(np.flatnonzero(anew) + 1).tolist(), times.size]
     if not 2 < len(starts) <= MAX_STARTS:
         return [part]

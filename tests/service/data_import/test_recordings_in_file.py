@@ -17,7 +17,7 @@ from frictus_service.data_import.formats.read import read_columns
 from frictus_service.data_import.mapped_study import MappedStudy
 from frictus_service.data_import.proposal import propose, with_signs
 from frictus_service.data_import.recordings_in_file import groups_of, mapped_recordings
-from frictus_service.errors import FieldError
+from frictus_service.errors import FieldError, StudyError
 
 RATE_HZ = 5000.0
 SPEEDS_MM_S = (20.0, 50.0, 80.0, 50.0)
@@ -148,4 +148,23 @@ def test_a_clock_that_only_jumps_back_is_refused() -> None:
     held["t"][2500:] -= 0.1
     columns = Columns("text", tuple(Column(name, held[name]) for name in held))
     with pytest.raises(FieldError, match="is not regular at row 2500"):
+        mapped_recordings(columns, mapped(force_x="fx", time="t"))
+
+
+def test_references_without_end_are_refused(tmp_path: Path) -> None:
+    """A few bytes each, they may all lead to the same values."""
+    path = tmp_path / "day.mat"
+    with h5py.File(path, "w") as file:
+        values = file.create_dataset("#refs#/a", data=np.ones(9))
+        field = file.create_dataset("trial/fx", shape=(100_000,), dtype=h5py.ref_dtype)
+        field[:] = values.ref
+    with pytest.raises(StudyError, match="holds more than 16384 objects"):
+        read_columns(path)
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf])
+def test_a_clock_of_no_times_is_refused_without_a_warning(odd: float) -> None:
+    held = TRIALS[0] | {"t": np.full(round(RATE_HZ), odd)}
+    columns = Columns("text", tuple(Column(name, held[name]) for name in held))
+    with pytest.raises(FieldError):
         mapped_recordings(columns, mapped(force_x="fx", time="t"))

@@ -77,6 +77,13 @@ def test_steps_of_a_tribometer_are_recordings(tmp_path: Path) -> None:
     assert told.endswith("the last 2 lines, from 'TotalTime' on")
 
 
+def test_a_step_whose_first_column_is_empty(tmp_path: Path) -> None:
+    path = tmp_path / "test.txt"
+    path.write_bytes(2 * b"t\tFx\tx\n\t1.0\t2.0\n\t1.0\t2.1\n\n")
+    found = read_text(path)
+    assert [column.values.size for column in found.columns] == 6 * [2]
+
+
 def test_a_last_row_that_was_not_written_whole_is_told(tmp_path: Path) -> None:
     path = tmp_path / "cut.csv"
     path.write_bytes(b"t,Fx,x\n0.0,1.0,2.0\n0.1,1.0,2.1\n0.2,1.")

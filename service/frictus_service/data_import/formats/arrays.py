@@ -20,7 +20,7 @@ from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, naming_damage
 from frictus_service.study.matlab import MAX_STRUCTS_DEEP, read_variables
 
-MAX_OBJECTS: Final = 4096
+MAX_OBJECTS: Final = 16_384
 MAX_GROUPS_DEEP: Final = 16
 """Of groups: each object is found by its whole path, which takes ever longer."""
 UNIT_NAMES: Final = ("unit", "units", "Unit", "Units", "UNIT")
@@ -88,7 +88,8 @@ def _objects(file: h5py.File) -> tuple[list[Stored], dict[str, dict[str, Any]]]:
 
     with naming_damage("file"):
         file.visititems(visit)
-    if seen > MAX_OBJECTS:
+    referred = sum(field.size for _, field in fields)  # many may lead to the same values
+    if seen + referred > MAX_OBJECTS:
         raise StudyError(f"it holds more than {MAX_OBJECTS} objects; save the channels alone")
     if deepest > MAX_GROUPS_DEEP:
         raise StudyError(
@@ -102,7 +103,7 @@ def _objects(file: h5py.File) -> tuple[list[Stored], dict[str, dict[str, Any]]]:
 def _of_structs(file: h5py.File, name: str, field: h5py.Dataset) -> Iterator[Stored]:
     """Yield what a field of an array of structs refers to, as MATLAB 7.3 keeps it."""
     with naming_damage(name):
-        if "MATLAB_class" in field.attrs or field.size > MAX_OBJECTS:  # a cell, or damage
+        if "MATLAB_class" in field.attrs:  # a cell
             return
         struct, _, last = name.rpartition(".")
         for number, reference in enumerate(field[()].reshape(-1), 1):

@@ -156,13 +156,13 @@ def _read_sections(content: bytes, error: pa.ArrowInvalid) -> Columns:
 
 def _is_row(line: bytes, layout: TextLayout) -> bool:
     """Return whether a line may be numbers, or is empty; pyarrow says whether it is."""
-    text = line.strip()
+    text = line.strip(b" \r\n")
     fields = (
         len(text.split())
         if layout.delimiter == " "
         else text.count(layout.delimiter.encode()) + 1
     )
-    return not text or (fields == len(layout.names) and text[:1] in ROW_BEGINS)
+    return not text.strip() or (fields == len(layout.names) and text[:1] in ROW_BEGINS)
 
 
 def find_layout(head: bytes) -> TextLayout:
