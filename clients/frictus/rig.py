@@ -323,21 +323,20 @@ class Rig(WatchedRig):
         Parameters
         ----------
         name : str
-            Of the recording: 1 to 100 letters, digits, ``-``, ``_`` and ``.``; refused with
-            code `conflict` where it is taken, or while another recording is under way.
-        participant : str or None
-            Pseudonym, at most 64 characters that show; no control characters.
-        notes : str
-            Kept in the recording.
+            1 to 100 letters, digits, ``-``, ``_`` and ``.``; refused with code `conflict` where
+            it is taken, or while another recording is under way.
+        participant, notes : str or None
+            Pseudonym of at most 64 characters that show, and text; kept in the recording.
 
         Returns
         -------
         RecordingState
             With the path on the recorder's machine.
         """
+        old = self.recording()  # of one of this name, perhaps, whose file is gone
         with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
             self._caller.call("record", name=name, participant=participant, notes=notes)
-            return self._readings.recorder_at(states, lambda state: state.name == name)
+            return self._readings.recorder_at(states, lambda it: it.name == name and it != old)
 
     def end_recording(self) -> RecordingState:
         """End the recording; return how long it became and what was lost in it."""

@@ -73,6 +73,9 @@ def test_record_returns_once_it_is_recorded(client: Client, recorder: FakeRecord
     assert (request.participant, request.notes) == ("p1", "by hand")
     ended = rig.end_recording()
     assert (ended.name, ended.recording) == ("one", False)
+    again = rig.record("one")  # its file was deleted
+    assert again.recording
+    assert again.utc_ns > ended.utc_ns
 
 
 def test_what_the_recorder_confirms_and_does_not_publish_is_outdated(
