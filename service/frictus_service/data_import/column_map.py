@@ -70,6 +70,8 @@ class ColumnMap(_Strict):
         Speed of the stage, where neither position nor velocity was recorded.
     normal_load_n : float or None
         A dead weight, where the normal force was not recorded.
+    positions_late_s : float
+        By which positions, or the velocity, come late beside the force; taken off their times.
     tones_hz : tuple of float or None
         Of the drive; empty: broadband; None: found in each stroke.
     participant, session, started_utc, rig
@@ -85,6 +87,7 @@ class ColumnMap(_Strict):
     force_n: Positive | None = None
     stage_speed_mm_s: Positive | None = None
     normal_load_n: Positive | None = None
+    positions_late_s: Annotated[float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False)] = 0.0
     tones_hz: Annotated[tuple[Positive, ...], Field(max_length=64, strict=False)] | None = None
     participant: str = Field(default="p01", min_length=1, max_length=100)
     session: int = Field(default=1, ge=0, lt=10_000)

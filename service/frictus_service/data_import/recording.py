@@ -117,7 +117,7 @@ class _Mapped:
             accel_m_s2=acceleration,
             skin_velocity_m_s=None if skin is None else skin.values * 1e-3,
             position_mm=position_mm,
-            position_t_s=position_t_s,
+            position_t_s=position_t_s - self._map.positions_late_s,
             notes=tuple(self._notes),
         )
 

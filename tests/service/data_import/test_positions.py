@@ -61,6 +61,34 @@ def test_motion_of_another_rate_that_is_said_has_its_speed() -> None:
         assert (stroke.last - stroke.first) / RATE_HZ == pytest.approx(SECONDS, abs=0.1)
 
 
+def test_late_positions_are_taken_when_they_were() -> None:
+    """The finger rests for a second before it slides; its sensor tells so 40 ms later."""
+    time_s = np.arange(SECONDS * RATE_HZ) / RATE_HZ
+    place = SPEED_MM_S * np.clip(time_s - 1.0 - 0.04, 0.0, None)
+    columns = Columns(
+        "text",
+        tuple(
+            Column(name, values, rate_hz=RATE_HZ)
+            for name, values in (
+                ("Fx", np.full(time_s.size, 0.2)),
+                ("Fz", np.full(time_s.size, 0.4)),
+                ("x", place),
+            )
+        ),
+    )
+    units = {"force_x": ("Fx", "N"), "force_z": ("Fz", "N"), "position_x": ("x", "mm")}
+    channels = {
+        name: {"column": column, "unit": unit} for name, (column, unit) in units.items()
+    }
+    plain = {"rate_hz": RATE_HZ, "channels": channels}
+    begins = []
+    for late_s in (0.0, 0.04):
+        column_map = parse_map(plain | {"positions_late_s": late_s}, "test")
+        (stroke,) = find_strokes(apply_map(columns, column_map))
+        begins.append(stroke.first / RATE_HZ)
+    assert begins[0] - begins[1] == pytest.approx(0.04, abs=0.01)
+
+
 def test_an_encoder_that_is_turned_back_beyond_zero() -> None:
     """Its counter has no sign: from 0 it goes to 4294967295."""
     way = np.rint(np.linspace(40.0, -60.0, round(SECONDS * RATE_HZ)) / 0.0005)

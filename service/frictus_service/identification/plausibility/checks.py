@@ -311,6 +311,15 @@ CHECKS: Final = (
         "write it as the attribute skew_s of the skin's data set if it is the instrument's",
     ),
     Check(
+        "position_delay",
+        "warning",
+        lambda pool: 1e3 * middle(pool.column("positions_late_s")),
+        (-10.0, 10.0),
+        "the positions are {value:.0f} ms late beside the skin's sensor",
+        "take it off position_t_s (positions_late_s of a column map) if it is the touch "
+        "sensor's: what changes along a stroke would look like a difference between directions",
+    ),
+    Check(
         "clipped",
         "warning",
         lambda pool: float(np.mean(pool.column("clipped") > 0.0)),

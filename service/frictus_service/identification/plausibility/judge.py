@@ -25,7 +25,9 @@ OF_FORCE: Final = (
     *("friction_axis", "force_axis", "drive_sign", "mobility_sign", "skin_unit", "skin_delay"),
 )
 CONSEQUENCES: Final = {
-    "motion_axis": ("speed_unit", "speed_target", "skin_direction", "skin_scale"),
+    "motion_axis": (
+        *("speed_unit", "speed_target", "skin_direction", "skin_scale", "position_delay"),
+    ),
     "normal_axis": ("normal_flips", *OF_FORCE),
     "normal_flips": OF_FORCE,
     "normal_sign": ("force_target",),
@@ -34,10 +36,13 @@ CONSEQUENCES: Final = {
     "friction_unit": ("skin_unit",),
     "friction_axis": ("force_axis", "skin_unit", "skin_delay", "mobility_sign", "drive_sign"),
     "force_axis": ("skin_unit", "skin_delay", "mobility_sign", "drive_sign"),
-    "skin_axis": ("skin_unit", "skin_delay", "mobility_sign", "skin_direction", "skin_scale"),
+    "skin_axis": (
+        *("skin_unit", "skin_delay", "mobility_sign", "skin_direction", "skin_scale"),
+        "position_delay",
+    ),
     "skin_scale": ("skin_unit",),
-    "carrier": ("stamps", "stamps_missing", "skin_unit", "skin_delay"),
-    "stamps": ("skin_scale", "speed_unit"),
+    "carrier": ("stamps", "stamps_missing", "skin_unit", "skin_delay", "position_delay"),
+    "stamps": ("skin_scale", "speed_unit", "position_delay"),
 }
 """By check: what it explains, which is then not said."""
 

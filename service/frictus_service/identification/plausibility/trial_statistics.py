@@ -23,6 +23,12 @@ BLOCK_S: Final = 0.5e-3
 """Sums of a sensor over so long are enough for how a finger moves."""
 LEAST_CHANGE_M_S: Final = 0.02
 """Standard deviation of these changes, below which nothing is compared: the finger went on."""
+DELAYS_S: Final = np.linspace(-0.1, 0.1, 41)
+"""By which positions may follow the skin's sensor."""
+LEAST_REPORTS: Final = 20
+"""That are compared for a delay."""
+FOLLOWS: Final = 0.95
+"""Correlation above which the two show one motion, so that a delay can be told."""
 LEAST_SPEED_MM_S: Final = 2.0
 AROUND_S: Final = 0.1
 """Positions so long before the first and after the last sample contradict no clock."""
@@ -67,6 +73,8 @@ class TrialStatistics:
     motion_power, shared, skin_power : float
         Sums of squares and of products about their means: change of the finger's velocity from
         its positions, and from the skin's sensor; (m/s)².
+    positions_late_s : float
+        By which positions follow the skin's sensor.
     clipped : float
         Largest share of samples at an end of a channel's range.
     """
@@ -92,6 +100,7 @@ class TrialStatistics:
     motion_power: float
     shared: float
     skin_power: float
+    positions_late_s: float
     clipped: float
 
     def as_table(self) -> NDArray[np.void]:
@@ -129,7 +138,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
     rate_hz = trial.info.sample_rate_hz
     whole = np.logical_and.reduce(known, axis=0)
     swept = partial(_swept, course, force_n, whole, rate_hz)
-    motion_power, shared, skin_power = _kinematics(trial, course)
+    motion_power, shared, skin_power, positions_late_s = _kinematics(trial, course)
     carrier_ratio = _carrier_ratio(trial, study)
     return TrialStatistics(
         duration_s,
@@ -147,6 +156,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         motion_power,
         shared,
         skin_power,
+        positions_late_s,
         _clipped(trial),
     )
 
@@ -251,24 +261,26 @@ def _drive_ratio(trial: Trial) -> float:
     return float(2.0 * np.nanmax(np.abs(trial.voltage_v)) / trial.info.drive_vpp)
 
 
-def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, float]:
-    """Return how velocity changes by positions and by the skin's sensor, as sums of squares.
+def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, float, float]:
+    """Return how velocity changes by positions and by the skin's sensor, and how late by them.
 
-    Integrated acceleration over `APART_S`, or the mean skin velocity: both follow a finger
-    that reverses, whatever its skin does.
+    Sums of squares and of products of the integrated acceleration over `APART_S`, or of the
+    mean skin velocity: both follow a finger that reverses, whatever its skin does. The delay
+    is that at which the two are correlated most.
     """
     motion, rate_hz = course.motion, trial.info.sample_rate_hz
+    unknown = (np.nan, np.nan, np.nan, np.nan)
     if trial.accel_m_s2 is not None:
         sensor = trial.accel_m_s2[:, 0]
     elif trial.skin_velocity_m_s is not None:
         sensor = trial.skin_velocity_m_s
     else:
-        return np.nan, np.nan, np.nan
+        return unknown
     first, last = motion.time_s, motion.time_s + APART_S
     end_s = min(float(motion.time_s.max(initial=0.0)), sensor.size / rate_hz)
     inside = (first >= 0.0) & (last <= end_s)
     if np.count_nonzero(inside) < 3 or not np.isfinite(sensor).any():
-        return np.nan, np.nan, np.nan
+        return unknown
     first, last = first[inside], last[inside]
     block = max(int(BLOCK_S * rate_hz), 1)
     blocks = sensor[: sensor.size // block * block].reshape(-1, block)
@@ -278,19 +290,44 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
         # What a tone does to the skin turns with the direction: reports would see it as motion.
         smoothed = round(2.0 * WINDOW_S * rate_hz / block)
         total = uniform_filter1d(total, smoothed, mode="nearest")
-    measured = np.interp(last, clock, total) - np.interp(first, clock, total)
-    along = motion.velocity_mm_s[:, 0] / 1000.0
-    if trial.accel_m_s2 is not None:
-        moved = np.interp(last, motion.time_s, along) - np.interp(first, motion.time_s, along)
+        along = motion.velocity_mm_s[:, 0] / 1000.0
     else:
-        measured = measured / APART_S
-        place = motion.position_mm[:, 0] / 1000.0
-        moved = np.interp(last, motion.time_s, place) - np.interp(first, motion.time_s, place)
-        moved = moved / APART_S
-    moved, measured = moved - moved.mean(), measured - measured.mean()
+        total = total / APART_S
+        along = motion.position_mm[:, 0] / 1000.0 / APART_S
+    moved = np.interp(last, motion.time_s, along) - np.interp(first, motion.time_s, along)
+    measured = np.interp(last, clock, total) - np.interp(first, clock, total)
     if not moved.std() >= LEAST_CHANGE_M_S:
-        return np.nan, np.nan, np.nan
-    return float(moved @ moved), float(moved @ measured), float(measured @ measured)
+        return unknown
+    whole = (first >= DELAYS_S[-1]) & (last <= end_s + DELAYS_S[0])
+    earlier = DELAYS_S[:, np.newaxis]  # a late report shows where the finger was
+    shifted = np.interp(last[whole] - earlier, clock, total)
+    shifted = shifted - np.interp(first[whole] - earlier, clock, total)
+    late_s = _delay_s(moved[whole], shifted)
+    moved, measured = moved - moved.mean(), measured - measured.mean()
+    return float(moved @ moved), float(moved @ measured), float(measured @ measured), late_s
+
+
+def _delay_s(moved: FloatArray, shifted: FloatArray) -> float:
+    """Return which of `DELAYS_S` fits best, between its neighbours; NaN where none does.
+
+    Parameters
+    ----------
+    moved : ndarray, shape (n,)
+    shifted : ndarray, shape (n_delays, n)
+    """
+    if moved.size < LEAST_REPORTS:
+        return np.nan
+    moved = moved - moved.mean()
+    shifted = shifted - shifted.mean(axis=1, keepdims=True)
+    size = np.sqrt((moved @ moved) * np.square(shifted).sum(axis=1))
+    likeness = np.divide(shifted @ moved, size, out=np.zeros(len(shifted)), where=size > 0.0)
+    best = int(np.argmax(likeness))
+    if likeness[best] < FOLLOWS or best in (0, len(likeness) - 1):
+        return np.nan
+    before, here, after = likeness[best - 1 : best + 2]
+    bend = before - 2.0 * here + after
+    step_s = float(DELAYS_S[1] - DELAYS_S[0])
+    return float(DELAYS_S[best] + 0.5 * step_s * (before - after) / bend) if bend else np.nan
 
 
 def _clipped(trial: Trial) -> float:

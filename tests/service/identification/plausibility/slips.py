@@ -150,6 +150,13 @@ WARNINGS: Final[Mapping[str, Slip]] = {
 }
 """Fits are possible."""
 
+BY_THE_HAND: Final[Mapping[str, Slip]] = {
+    "positions 40 ms late": _slip(
+        lambda t: replace(t, position_t_s=t.position_t_s + 0.04), "position_delay", "late_s"
+    ),
+}
+"""Fits are possible; told where the acceleration has the hand's turns in it."""
+
 REFUSED: Final[Mapping[str, Callable[[Trial], Trial]]] = {
     "force in mN": lambda t: _force(t, 1e3 * EYE),
     "acceleration in mm/s2": lambda t: _accel(t, 1e3 * EYE),
