@@ -20,7 +20,7 @@ from frictus_service.errors import Exclusion, FieldError
 from frictus_service.study.trial import Trial
 
 SCHEMA: Final = "study/1"
-ROOT: Final = ("schema", "rig", "carrier_hz", "screen_peak_v", "mount")
+ROOT: Final = ("schema", "rig", "carrier_hz", "screen_peak_v", "mount", "positions_late_s")
 MAX_VALUES: Final = 200_000_000
 """Of one data set: one trial at a time is held in memory, as float64."""
 
@@ -184,6 +184,13 @@ def hashed(trial: Trial) -> Trial:
     whole = _attributes(trial) + b"\n" + measured.encode()
     sha256 = hashlib.sha256(whole).hexdigest()
     return replace(trial, sha256=sha256, measured_sha256=measured)
+
+
+def in_time(trial: Trial, late_s: float) -> Trial:
+    """Return a trial whose positions are as much earlier as they come late, with its hashes."""
+    if not late_s:
+        return trial
+    return hashed(replace(trial, position_t_s=trial.position_t_s - late_s))
 
 
 def measured_digest(trial: Trial) -> str:

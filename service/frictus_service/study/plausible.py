@@ -60,6 +60,7 @@ SAMPLE_RATE: Final = Range(
 SPEED: Final = Range(1.0, 1000.0, "mm/s", "it looks like m/s", "it looks like um/s")
 FORCE: Final = Range(0.01, 20.0, "N", "it looks like kN", "it looks like mN or grams")
 SKEW: Final = Range(-0.05, 0.05, "s", "it looks like ms or us", "it looks like ms or us")
+LATE: Final = Range(-1.0, 1.0, "s", "it looks like ms", "it looks like ms")
 MEASURED_FORCE: Final = Range(0.0, 50.0, "N", "", "it looks like mN or raw counts")
 ACCELERATION: Final = Range(0.0, 2e4, "m/s2", "", "it looks like mm/s2 or raw counts")
 SKIN_VELOCITY: Final = Range(0.0, 10.0, "m/s", "", "it looks like mm/s")
@@ -86,6 +87,7 @@ def check_study(info: StudyInfo) -> None:
     """
     CARRIER.check("carrier_hz", info.carrier_hz)
     SCREEN_PEAK.check("screen_peak_v", info.screen_peak_v)
+    LATE.check("positions_late_s", info.positions_late_s)
 
 
 def check_asked(asked: TrialInfo, info: StudyInfo) -> None:

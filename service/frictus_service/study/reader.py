@@ -33,6 +33,7 @@ from frictus_service.study.layout import (
     ConverterStep,
     DataSet,
     hashed,
+    in_time,
     is_shape_of,
     shape_hint,
 )
@@ -291,7 +292,7 @@ class StudyReader:
             trial = read_trial(trial_id, self._trial(trial_id))
             check_asked(trial.info, self.info)
             check_measured(trial, self.info)
-            return trial
+            return in_time(trial, self.info.positions_late_s)
 
     @cached_property
     def _listing(self) -> tuple[tuple[TrialInfo, ...], tuple[Exclusion, ...], dict[str, int]]:
@@ -339,6 +340,7 @@ def _read_info(held: Mapping[str, Any]) -> StudyInfo:
         screen_peak_v=hdf5.number(held, "screen_peak_v"),
         mount=None if mount_json is None else parse_mount(mount_json),
         mount_json=mount_json,
+        positions_late_s=hdf5.number(held, "positions_late_s", default=0.0),
         extras=_extras(held),
     )
     check_study(info)

@@ -78,6 +78,7 @@ class StudyContents:
             "carrier_hz": self.info.carrier_hz,
             "screen_peak_v": self.info.screen_peak_v,
             "mount": self.info.mount is not None,
+            "positions_late_s": self.info.positions_late_s,
             "extras": self.info.extras,
             "size_bytes": self.size_bytes,
             "trials": self.n_trials,

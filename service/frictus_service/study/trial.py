@@ -32,6 +32,8 @@ class StudyInfo:
         The attribute as it stands in the file: other axes and named parameters too.
     extras : dict
         Other root attributes, by name; kept, not understood.
+    positions_late_s : float
+        By which positions come late beside the force; their times are without it.
     """
 
     rig: str
@@ -40,6 +42,7 @@ class StudyInfo:
     mount: TransferFunction | None = None
     mount_json: str | None = None
     extras: dict[str, str | int | float] = field(default_factory=dict)
+    positions_late_s: float = 0.0
 
     @property
     def simulated(self) -> bool:

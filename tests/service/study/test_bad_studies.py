@@ -320,6 +320,10 @@ BAD_ROOTS: dict[str, tuple[Edit, str]] = {
     "carrier in kHz": (_set("carrier_hz", 7.0), "carrier_hz.*looks like kHz"),
     "peak in kV": (_set("screen_peak_v", 0.075), "screen_peak_v.*looks like kV"),
     "peak of NaN": (_set("screen_peak_v", np.nan), "screen_peak_v.*one finite number"),
+    "positions late in ms": (
+        _set("positions_late_s", 40.0),
+        "positions_late_s.*looks like ms",
+    ),
     "no trials": (_drop("trials"), "trials: is missing"),
     "empty": (_put("trials", 3), "trials: is missing"),
     "mount of text": (_set("mount", "stiff"), "mount: is not JSON"),

@@ -316,8 +316,9 @@ CHECKS: Final = (
         lambda pool: 1e3 * middle(pool.column("positions_late_s")),
         (-10.0, 10.0),
         "the positions are {value:.0f} ms late beside the skin's sensor",
-        "take it off position_t_s (positions_late_s of a column map) if it is the touch "
-        "sensor's: what changes along a stroke would look like a difference between directions",
+        "write it, in s, as the root attribute positions_late_s of the study, or in the column "
+        "map, if it is the touch sensor's: what changes along a stroke would look like a "
+        "difference between directions",
     ),
     Check(
         "clipped",

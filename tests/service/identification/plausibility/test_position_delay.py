@@ -1,8 +1,9 @@
 """Positions of a hand that turns, beside the acceleration of its nail."""
 
-from dataclasses import replace
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 from tests.blind.generator import Case, Design, Seeds, make_study
 from tests.service.identification.plausibility.slips import record_of
@@ -10,6 +11,7 @@ from tests.service.identification.plausibility.slips import record_of
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
+from frictus_service.study.writer import StudyWriter
 
 LATE_S = 0.04
 """Of the touch reports of a lifelike study, whose file does not say so."""
@@ -35,9 +37,19 @@ def test_late_positions_are_told_with_their_delay(
     assert found.value == pytest.approx(1e3 * LATE_S, abs=4.0)
 
 
-def test_once_they_are_in_time_nothing_is_said(
-    lifelike: tuple[list[Trial], StudyInfo],
+def test_once_the_study_says_so_nothing_is_said(
+    lifelike: tuple[list[Trial], StudyInfo], tmp_path: Path
 ) -> None:
-    trials, info = lifelike
-    mended = [replace(each, position_t_s=each.position_t_s - LATE_S) for each in trials]
-    assert judge_study([record_of(trial, info) for trial in mended]) == ()
+    late, info = lifelike
+    path = tmp_path / "study.h5"
+    with StudyWriter(path, info) as writer:
+        for trial in late:
+            writer.add(trial)
+    with h5py.File(path, "r+") as file:
+        file.attrs["positions_late_s"] = LATE_S
+    with open_study(path) as study:
+        trials, info = [study.read(each.id) for each in study.trials], study.info
+    for before, trial in zip(late, trials, strict=True):
+        np.testing.assert_allclose(trial.position_t_s, before.position_t_s - LATE_S)
+        assert trial.sha256 != before.sha256  # what was observed before is not taken for it
+    assert judge_study([record_of(trial, info) for trial in trials]) == ()
