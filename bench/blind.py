@@ -32,9 +32,9 @@ trials are off by a factor of two, 2 % are half as fast again as asked. Realisti
 smallest size that a prototype found. `lifelike`: 8 to 12 people whose turns are of minimum
 jerk, with pauses, and whose gain wanders besides; touch reports are 40 ms late, tones each
 person's own, and a fifth of the trials is missing. Their files do not say that the reports are
-late. That made of a gain that changes along the stroke a difference between directions in both
-of its studies, and a gain that depends on the speed in one; with `positions_late_s`, which the
-plausibility check asks for since, both are exactly the truth.
+late, which had causes named that are not there in three of 30: a difference between directions,
+beside a gain that changes along the stroke, and what depends on speed. With `positions_late_s`,
+which the plausibility check asks for since, all three are exactly the truth.
 
 Lines are of the code of their day. `skin` (mobility; a mode of 150 to 700 Hz), `early`, `noise`
 (driven by noise in place of tones) and the two studies of which an analysis had ended in an

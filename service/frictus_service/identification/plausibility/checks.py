@@ -317,8 +317,8 @@ CHECKS: Final = (
         (-10.0, 10.0),
         "the positions are {value:.0f} ms late beside the skin's sensor",
         "write it, in s, as the root attribute positions_late_s of the study, or in the column "
-        "map, if it is the touch sensor's: what changes along a stroke would look like a "
-        "difference between directions",
+        "map, if it is the touch sensor's: else causes of place, direction and speed may be "
+        "named that are not there",
     ),
     Check(
         "clipped",
