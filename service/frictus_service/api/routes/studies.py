@@ -85,6 +85,7 @@ def list_studies(given: Given) -> StudyList:
     responses=problems.documented(
         problems.UnauthenticatedError,
         problems.MissingScopeError,
+        problems.PathNotFoundError,  # a name with a slash in it
         problems.StudyExistsError,
         problems.InvalidError,
         problems.TooLargeError,
