@@ -107,3 +107,17 @@ def test_a_place_that_never_changes_is_no_position() -> None:
     assert "position_x" not in found.column_map.channels
     assert "'XYZ.X Position (mm)' never changes: it is no position" in found.reasons
     assert "stage_speed_mm_s" in asked(found)
+
+
+def test_a_small_drive_is_no_kilovolts_and_its_unit_answers_not_its_gain() -> None:
+    """A program writes what it asked of the amplifier: 0.4 V, without a unit."""
+    found = proposed(Column("voltage", 0.4 * np.cos(2.0 * np.pi * 2_000.0 * TIME_S)))
+    drive = {"drive_voltage.unit", "drive_voltage.scale"}
+    assert asked(found) & drive == drive
+    answered = found.answered(found.column_map, ["drive_voltage.unit=V"])
+    assert asked(answered) & drive == {"drive_voltage.scale"}
+    left_away = found.answered(found.column_map, ["drive_voltage="])
+    assert not asked(left_away) & drive
+    assert proposed(Column("voltage_v", 75.0 * FORCE_N)).column_map.channels.keys() & set(
+        DRIVES
+    )
