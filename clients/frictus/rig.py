@@ -325,8 +325,8 @@ class Rig(WatchedRig):
         name : str
             1 to 100 letters, digits, ``-``, ``_`` and ``.``; refused with code `conflict` where
             it is taken, or while another recording is under way.
-        participant, notes : str or None
-            Pseudonym of at most 64 characters that show, and text; kept in the recording.
+        participant, notes : str
+            Pseudonym of at most 64 characters that show, or None, and text; both are kept.
 
         Returns
         -------

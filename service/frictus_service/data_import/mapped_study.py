@@ -16,7 +16,13 @@ from frictus_service.data_import.channels import DRIVES
 from frictus_service.data_import.column_map import ColumnMap, load_map, map_beside, map_text
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.read import read_columns
-from frictus_service.data_import.motion import Stroke, conditions_of, find_strokes
+from frictus_service.data_import.motion import (
+    LOOK_AT,
+    STROKES,
+    Stroke,
+    conditions_of,
+    find_strokes,
+)
 from frictus_service.data_import.recording import MappedRecording
 from frictus_service.data_import.recordings_in_file import mapped_recordings
 from frictus_service.errors import Exclusion, FieldError, StudyError
@@ -92,12 +98,11 @@ class MappedStudy:
                 "the tangential force, whose sign gives the direction where neither position "
                 "nor velocity was recorded: a force without its mean changes sign all the time"
                 if column_map.direction_from_force
-                else "unit and sign of position and normal force"
+                else LOOK_AT
             )
             raise StudyError(
-                f"{path}: no stroke is found in {self.recorded_s:.3g} s; accepted: sections "
-                "of one direction that last 0.1 s and 3 mm at least, the finger pressing; look "
-                f"at {look_at}"
+                f"{path}: no stroke is found in {self.recorded_s:.3g} s; accepted: {STROKES}; "
+                f"look at {look_at}"
             )
         self._trials, left_out = _trials(path.stem, column_map, strokes, self.info, started)
         self.excluded = (*excluded, *left_out)

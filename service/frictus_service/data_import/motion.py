@@ -33,6 +33,12 @@ from frictus_service.identification.observation.sweeps import (
 )
 
 MAX_STROKES: Final = 20_000
+STROKES: Final = (
+    "sections of one direction that last 0.1 s and 3 mm at least, the finger pressing"
+)
+"""What a stroke is, for people."""
+LOOK_AT: Final = "unit and sign of position and normal force"
+"""Where none is found."""
 CONTACT_S: Final = 0.02
 """The normal force is averaged over so long before it says whether the finger presses."""
 SAME_RATIO: Final = 1.2

@@ -26,7 +26,8 @@ MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "-", "null")
 SPARE_SPACES: Final = re.compile(rb"(?:\A|(?<=[\r\n])) +| +(?=[ \r\n]|\Z)")
 MAX_SECTIONS: Final = 1024
 MAX_SECTIONS_BYTES: Final = 1 << 28
-"""Sections are found line by line, which are in memory at once."""
+MAX_SECTIONS_LINES: Final = 1 << 24
+"""Sections are found line by line, which are in memory at once, each with its overhead."""
 HEAD_LINES: Final = 2000
 ROW_BEGINS: Final = b'+-.0123456789nN",;\t'
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
@@ -124,16 +125,16 @@ def _read_sections(content: bytes, error: pa.ArrowInvalid) -> Columns:
     a summary at the end. Where no heading stands between, a line is damaged.
     """
     gathered = Gatherer("text")
-    lines = content.splitlines(keepends=True)
+    if max(content.count(b"\n"), content.count(b"\r")) > MAX_SECTIONS_LINES:
+        raise error
+    lines = content.rstrip(b" \r\n").splitlines(keepends=True)
     at, sections = 0, list[tuple[TextLayout, bytes]]()
-    while any(line.strip() for line in lines[at + 1 :]):
+    while at + 1 < len(lines):  # a last line alone is no section
         try:
             layout = find_layout(b"".join(lines[at : at + HEAD_LINES])[:HEAD_BYTES])
         except StudyError:
             break
-        names = sections[0][0].names if sections else layout.names
-        unnamed = bool(sections) and layout.names[0] == "column 1"
-        if unnamed or layout.names != names or len(sections) == MAX_SECTIONS:
+        if sections and not _continues(layout, sections[0][0], len(sections)):
             raise error
         first = last = at + layout.skipped
         while last < len(lines) and _is_row(lines[last], layout):
@@ -152,6 +153,12 @@ def _read_sections(content: bytes, error: pa.ArrowInvalid) -> Columns:
             f"{left[0][:40]!r} on"
         )
     return gathered.result()
+
+
+def _continues(layout: TextLayout, first: TextLayout, before: int) -> bool:
+    """Return whether a section after so many is of the first one's layout, by a heading."""
+    named = layout.names[0] != "column 1"
+    return named and layout.names == first.names and before < MAX_SECTIONS
 
 
 def _is_row(line: bytes, layout: TextLayout) -> bool:

@@ -20,6 +20,7 @@ from frictus_service.data_import.friction.texture import (
     force_spectra,
     texture_line,
 )
+from frictus_service.data_import.motion import LOOK_AT, STROKES
 from frictus_service.errors import StudyError
 
 
@@ -70,10 +71,7 @@ def report_friction(slides: Sequence[Slide]) -> FrictionReport:
         If there is none without a drive.
     """
     if not slides:
-        raise StudyError(
-            "no slide is found; accepted: sections of one direction that last 0.1 s and 3 mm "
-            "at least, the finger pressing; look at unit and sign of position and normal force"
-        )
+        raise StudyError(f"no slide is found; accepted: {STROKES}; look at {LOOK_AT}")
     blank = [each for each in slides if not each.driven]
     if not blank:
         raise StudyError(

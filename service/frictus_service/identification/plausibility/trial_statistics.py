@@ -27,7 +27,7 @@ DELAYS_S: Final = np.linspace(-0.1, 0.1, 41)
 """By which positions may follow the skin's sensor."""
 LEAST_REPORTS: Final = 20
 """That are compared for a delay."""
-FOLLOWS: Final = 0.95
+ALIKE: Final = 0.95
 """Correlation above which the two show one motion, so that a delay can be told."""
 LEAST_SPEED_MM_S: Final = 2.0
 AROUND_S: Final = 0.1
@@ -322,7 +322,7 @@ def _delay_s(moved: FloatArray, shifted: FloatArray) -> float:
     size = np.sqrt((moved @ moved) * np.square(shifted).sum(axis=1))
     likeness = np.divide(shifted @ moved, size, out=np.zeros(len(shifted)), where=size > 0.0)
     best = int(np.argmax(likeness))
-    if likeness[best] < FOLLOWS or best in (0, len(likeness) - 1):
+    if likeness[best] < ALIKE or best in (0, len(likeness) - 1):
         return np.nan
     before, here, after = likeness[best - 1 : best + 2]
     bend = before - 2.0 * here + after
