@@ -241,7 +241,10 @@ def discover_study(
         found = discover(evidence, facts, mount, criticised, seed=seed)
         if found.verdict is not None:
             return found
-        recording, notes = rank_recording(path, criticised, tell)
+        late_s = max(
+            (one.statistics.positions_earlier_s for one in judged(evidence)), default=0.0
+        )
+        recording, notes = rank_recording(path, criticised, tell, late_s)
     more = {"one_recording": recording, "notes": (*found.notes, *notes)}
     return found.model_copy(update=more)
 

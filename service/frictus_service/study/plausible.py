@@ -87,7 +87,8 @@ def check_study(info: StudyInfo) -> None:
     """
     CARRIER.check("carrier_hz", info.carrier_hz)
     SCREEN_PEAK.check("screen_peak_v", info.screen_peak_v)
-    LATE.check("positions_late_s", info.positions_late_s)
+    if info.positions_late_s is not None:
+        LATE.check("positions_late_s", info.positions_late_s)
 
 
 def check_asked(asked: TrialInfo, info: StudyInfo) -> None:

@@ -292,7 +292,7 @@ class StudyReader:
             trial = read_trial(trial_id, self._trial(trial_id))
             check_asked(trial.info, self.info)
             check_measured(trial, self.info)
-            return in_time(trial, self.info.positions_late_s)
+            return in_time(trial, self.info.positions_late_s or 0.0)
 
     @cached_property
     def _listing(self) -> tuple[tuple[TrialInfo, ...], tuple[Exclusion, ...], dict[str, int]]:
@@ -334,13 +334,14 @@ def _read_info(held: Mapping[str, Any]) -> StudyInfo:
     if schema != SCHEMA:
         raise FieldError("schema", f"is {schema!r}; accepted: {SCHEMA!r}")
     mount_json = hdf5.text(held, "mount") if "mount" in held else None
+    late = "positions_late_s"
     info = StudyInfo(
         rig=hdf5.shown(held, "rig"),
         carrier_hz=hdf5.number(held, "carrier_hz"),
         screen_peak_v=hdf5.number(held, "screen_peak_v"),
         mount=None if mount_json is None else parse_mount(mount_json),
         mount_json=mount_json,
-        positions_late_s=hdf5.number(held, "positions_late_s", default=0.0),
+        positions_late_s=None if late not in held else hdf5.number(held, late),
         extras=_extras(held),
     )
     check_study(info)

@@ -32,8 +32,9 @@ class StudyInfo:
         The attribute as it stands in the file: other axes and named parameters too.
     extras : dict
         Other root attributes, by name; kept, not understood.
-    positions_late_s : float
-        By which positions come late beside the force; their times are without it.
+    positions_late_s : float or None
+        By which positions come late beside the force; their times are without it. None: the
+        study does not say.
     """
 
     rig: str
@@ -42,7 +43,7 @@ class StudyInfo:
     mount: TransferFunction | None = None
     mount_json: str | None = None
     extras: dict[str, str | int | float] = field(default_factory=dict)
-    positions_late_s: float = 0.0
+    positions_late_s: float | None = None
 
     @property
     def simulated(self) -> bool:

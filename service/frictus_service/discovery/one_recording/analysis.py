@@ -44,6 +44,7 @@ from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.observation.validity import judge_signals
 from frictus_service.study.importers import open_study
+from frictus_service.study.layout import in_time
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 MOST_TRIALS: Final = 60
@@ -271,7 +272,7 @@ def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
 
 
 def rank_recording(
-    path: Path | str, base: Model, tell: Callable[[str], None]
+    path: Path | str, base: Model, tell: Callable[[str], None], late_s: float = 0.0
 ) -> tuple[OneRecording | None, tuple[str, ...]]:
     """Return what ranks first in the recording of one person, and what to know of it.
 
@@ -285,6 +286,8 @@ def rank_recording(
         What is criticised.
     tell : callable
         Told what is done.
+    late_s : float
+        By which the touch sensor was found late: positions are taken so much earlier.
 
     Returns
     -------
@@ -308,7 +311,8 @@ def rank_recording(
                 f"those of {person}, who has most, and no more than {MOST_TRIALS}."
             )
         info = study.info
-        windows = cut((study.read(trial.id) for trial in asked), info, base)
+        trials = (in_time(study.read(trial.id), late_s) for trial in asked)
+        windows = cut(trials, info, base)
     notes += [f"Not independent: {each}." for each in windows.refused]
     notes += [f"One recording: {each}." for each in windows.unusable]
     if len(windows.evidence) < LEAST_FOLDS:

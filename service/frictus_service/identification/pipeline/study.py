@@ -16,13 +16,14 @@ from frictus_service.identification.pipeline.cache import Cache
 from frictus_service.identification.pipeline.workers import Crash, Reader, Reading, work_through
 from frictus_service.identification.plausibility import trial_statistics
 from frictus_service.identification.plausibility.pool import TrialRecord
+from frictus_service.identification.plausibility.position_delay import sensor_delay_s
 from frictus_service.identification.plausibility.trial_statistics import (
     TrialStatistics,
     statistics_of,
 )
 from frictus_service.study.file_state import state_of, unchanged
 from frictus_service.study.importers import Study, open_study
-from frictus_service.study.layout import duplicates
+from frictus_service.study.layout import duplicates, in_time
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 TRIALS_PER_WORKER: Final = 30
@@ -57,12 +58,15 @@ class Task:
         Folder of readings; likewise.
     reader : Reader
         What is read from a trial.
+    late_s : float
+        By which the times of its positions are taken earlier.
     """
 
     path: Path
     trial: TrialInfo
     cache: Path | None
     reader: Reader = OBSERVER
+    late_s: float = 0.0
 
 
 def observe_study(
@@ -120,7 +124,9 @@ def read_study(
 ) -> list[Reading]:
     """Return the readings of all trials of a study, in the order of its trials.
 
-    As `observe_study`, of which the observations are one reading.
+    As `observe_study`, of which the observations are one reading. Where the study does not say
+    how late its positions are, and they show one delay of the touch sensor, they are read anew
+    without it, which `judge_study` tells.
 
     Parameters
     ----------
@@ -137,22 +143,41 @@ def read_study(
     with unchanged(path), open_study(path) as study:
         for left_out in study.excluded:
             tell(f"trial {left_out.trial} is left out: {left_out.field} {left_out.reason}")
-        contents = _Contents.of(path, kept)
-        found = {trial.id: contents.find(trial, study) for trial in study.trials}
-        tasks = [
-            Task(path, trial, None if kept is None else kept.folder, reader)
-            for trial in study.trials
-            if found[trial.id] is None
-        ]
-        tell(f"{len(found)} trials, {len(found) - len(tasks)} of them known already")
-        for count, (task, outcome) in enumerate(_each(study, tasks, workers, cluster, tell), 1):
-            found[task.trial.id] = _reading_of(task.trial, outcome)
-            if count * 20 // len(tasks) > (count - 1) * 20 // len(tasks):
-                tell(f"{count} of {len(tasks)} trials observed")
-    readings = [each for each in found.values() if each is not None]
-    if tasks:
-        contents.keep(readings)
+
+        def read(late_s: float) -> list[Reading]:
+            contents = _Contents.of(path, kept, late_s)
+            found = {trial.id: contents.find(trial, study) for trial in study.trials}
+            tasks = [
+                Task(path, trial, None if kept is None else kept.folder, reader, late_s)
+                for trial in study.trials
+                if found[trial.id] is None
+            ]
+            tell(f"{len(found)} trials, {len(found) - len(tasks)} of them known already")
+            done = _each(study, tasks, workers, cluster, tell)
+            for count, (task, outcome) in enumerate(done, 1):
+                found[task.trial.id] = _reading_of(task.trial, outcome)
+                if count * 20 // len(tasks) > (count - 1) * 20 // len(tasks):
+                    tell(f"{count} of {len(tasks)} trials observed")
+            readings = [each for each in found.values() if each is not None]
+            if tasks:
+                contents.keep(readings)
+            return readings
+
+        readings = read(0.0)
+        stated = study.info.positions_late_s is not None
+        if not stated and (late_s := sensor_delay_s(records_of(readings))):
+            tell(f"positions come {1e3 * late_s:.1f} ms late: trials are read without it")
+            readings = [_earlier(each, late_s) for each in read(late_s)]
     return _without_copies(readings)
+
+
+def _earlier(reading: Reading, late_s: float) -> Reading:
+    """Return a reading whose statistics say by how much its positions were taken earlier."""
+    if STATISTICS not in reading.more:
+        return reading
+    statistics = TrialStatistics.of_table(reading.more[STATISTICS])
+    told = replace(statistics, positions_earlier_s=late_s).as_table()
+    return replace(reading, more={**reading.more, STATISTICS: told})
 
 
 def records_of(readings: Sequence[Reading]) -> list[TrialRecord]:
@@ -179,10 +204,12 @@ class _Contents:
     hashes: dict[str, str]
 
     @classmethod
-    def of(cls, path: Path, kept: Cache | None) -> "_Contents":
+    def of(cls, path: Path, kept: Cache | None, late_s: float) -> "_Contents":
         if kept is None:
             return cls(None, "", {})
         state = state_of(path)
+        if late_s:
+            state = f"{state}.{1e6 * late_s:.0f}us"
         return cls(kept, state, kept.contents(state))
 
     def find(self, trial: TrialInfo, study: Study) -> Reading | None:
@@ -267,7 +294,7 @@ _HELD: Final = _Held()
 
 def _read(study: Study, task: Task) -> Reading:
     try:
-        trial = study.read(task.trial.id)
+        trial = in_time(study.read(task.trial.id), task.late_s)
     except TrialError as error:
         fault = error.exclusion
         return Reading(unusable(task.trial, f"{fault.field} {fault.reason}"))

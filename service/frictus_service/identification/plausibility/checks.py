@@ -86,6 +86,7 @@ def unit_guess(factor: float, units: dict[float, str], near: float = 1.25) -> st
     return ""
 
 
+MOST_LATE_MS: Final = (-10.0, 10.0)
 BANDS_HZ: Final = ((20.0, 60.0), (60.0, 200.0), (200.0, 600.0), (600.0, 2500.0))
 RESPONSES: Final[tuple[ResponseName, ...]] = ("friction", "mobility")
 
@@ -311,10 +312,20 @@ CHECKS: Final = (
         "write it as the attribute skew_s of the skin's data set if it is the instrument's",
     ),
     Check(
+        "position_delay_removed",
+        "warning",
+        lambda pool: 1e3 * middle(pool.column("positions_earlier_s")),
+        MOST_LATE_MS,
+        "the positions come {value:.0f} ms late beside the skin's sensor, at all speeds alike, "
+        "and are used as much earlier",
+        "write what the touch sensor's delay is, in s, as the root attribute positions_late_s "
+        "of the study, or 0 if it has none",
+    ),
+    Check(
         "position_delay",
         "warning",
         lambda pool: 1e3 * middle(pool.column("positions_late_s")),
-        (-10.0, 10.0),
+        MOST_LATE_MS,
         "the positions are {value:.0f} ms late beside the skin's sensor",
         "write it, in s, as the root attribute positions_late_s of the study, or in the column "
         "map, if it is the touch sensor's: else causes of place, direction and speed may be "

@@ -75,6 +75,8 @@ class TrialStatistics:
         its positions, and from the skin's sensor; (m/s)².
     positions_late_s : float
         By which positions follow the skin's sensor.
+    positions_earlier_s : float
+        By which the times of the positions were taken earlier, as they were found late.
     clipped : float
         Largest share of samples at an end of a channel's range.
     """
@@ -101,6 +103,7 @@ class TrialStatistics:
     shared: float
     skin_power: float
     positions_late_s: float
+    positions_earlier_s: float
     clipped: float
 
     def as_table(self) -> NDArray[np.void]:
@@ -157,6 +160,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         shared,
         skin_power,
         positions_late_s,
+        0.0,
         _clipped(trial),
     )
 

@@ -175,3 +175,22 @@ def test_a_mode_is_found_at_its_frequency_and_quality(
     for each in estimates.values():
         assert each.ci95 is not None
         assert each.ci95[0] < each.value < each.ci95[1]
+
+
+def test_positions_are_taken_earlier_by_the_delay_of_the_touch_sensor(
+    tmp_path: Path, seed: int
+) -> None:
+    path, late_path, late_s = tmp_path / "plain.h5", tmp_path / "late.h5", 0.04
+    make_recording(path, Recording("drive", 2.0), seed)
+    with open_study(path) as study, StudyWriter(late_path, study.info) as writer:
+        trial = study.read(study.trials[0].id)
+        writer.add(replace(trial, position_t_s=trial.position_t_s + late_s))
+    base = base_model("paper", "friction")
+    likelihoods = []
+    for each, earlier_s in ((path, 0.0), (late_path, late_s), (late_path, 0.0)):
+        found, _ = rank_recording(each, base, lambda line: None, earlier_s)
+        assert found is not None
+        likelihoods.append({one.causes: one.heldout_loglik for one in found.models})
+    right, earlier, left_late = likelihoods
+    assert earlier == pytest.approx(right, rel=1e-6, abs=1e-6)
+    assert left_late != pytest.approx(right, rel=1e-6, abs=1e-6)

@@ -1,5 +1,7 @@
-"""Positions of a hand that turns, beside the acceleration of its nail."""
+"""Positions of a hand that turns, beside the acceleration of its nail: told, and taken off."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -8,7 +10,10 @@ import pytest
 from tests.blind.generator import Case, Design, Seeds, make_study
 from tests.service.identification.plausibility.slips import record_of
 
+from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
 from frictus_service.identification.plausibility.judge import judge_study
+from frictus_service.identification.plausibility.pool import TrialRecord
+from frictus_service.identification.plausibility.position_delay import sensor_delay_s
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
 from frictus_service.study.writer import StudyWriter
@@ -16,40 +21,115 @@ from frictus_service.study.writer import StudyWriter
 LATE_S = 0.04
 """Of the touch reports of a lifelike study, whose file does not say so."""
 
+Lifelike = tuple[list[Trial], StudyInfo]
+
 
 @pytest.fixture(scope="module")
-def lifelike(
-    module_seed: int, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[list[Trial], StudyInfo]:
+def lifelike(module_seed: int, tmp_path_factory: pytest.TempPathFactory) -> Lifelike:
     path: Path = tmp_path_factory.mktemp("lifelike") / "study.h5"
-    design = Design(participants=1, n_speeds=2, n_forces=1, lifelike=True)
+    design = Design(participants=2, n_speeds=3, n_forces=2, lifelike=True)
     make_study(path, Case("lifelike", (), design), Seeds(module_seed, module_seed + 1))
     with open_study(path) as study:
         return [study.read(each.id) for each in study.trials], study.info
 
 
-def test_late_positions_are_told_with_their_delay(
-    lifelike: tuple[list[Trial], StudyInfo],
-) -> None:
+@pytest.fixture(scope="module")
+def records(lifelike: Lifelike) -> list[TrialRecord]:
     trials, info = lifelike
-    (found,) = judge_study([record_of(trial, info) for trial in trials])
+    return [record_of(trial, info) for trial in trials]
+
+
+def written(path: Path, lifelike: Lifelike, says_s: float | None = None) -> Path:
+    """Write the trials as a study that says how late its positions are, or does not."""
+    trials, info = lifelike
+    with StudyWriter(path, info) as writer:
+        for trial in trials:
+            writer.add(trial)
+    if says_s is not None:
+        with h5py.File(path, "r+") as file:
+            file.attrs["positions_late_s"] = says_s
+    return path
+
+
+def test_late_positions_are_told_with_their_delay(records: list[TrialRecord]) -> None:
+    (found,) = judge_study(records)
     assert (found.code, found.severity) == ("position_delay", "warning")
     assert found.value == pytest.approx(1e3 * LATE_S, abs=4.0)
 
 
-def test_once_the_study_says_so_nothing_is_said(
-    lifelike: tuple[list[Trial], StudyInfo], tmp_path: Path
-) -> None:
-    late, info = lifelike
-    path = tmp_path / "study.h5"
-    with StudyWriter(path, info) as writer:
-        for trial in late:
-            writer.add(trial)
-    with h5py.File(path, "r+") as file:
-        file.attrs["positions_late_s"] = LATE_S
-    with open_study(path) as study:
+def test_once_the_study_says_so_nothing_is_said(lifelike: Lifelike, tmp_path: Path) -> None:
+    late, _ = lifelike
+    with open_study(written(tmp_path / "study.h5", lifelike, LATE_S)) as study:
         trials, info = [study.read(each.id) for each in study.trials], study.info
     for before, trial in zip(late, trials, strict=True):
         np.testing.assert_allclose(trial.position_t_s, before.position_t_s - LATE_S)
         assert trial.sha256 != before.sha256  # what was observed before is not taken for it
     assert judge_study([record_of(trial, info) for trial in trials]) == ()
+
+
+def test_a_study_that_says_nothing_is_read_without_the_delay(
+    lifelike: Lifelike, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "silent.h5", lifelike)
+    told: list[str] = []
+    readings = read_study(path, OBSERVER, workers=0, cache=tmp_path, tell=told.append)
+    found_s = sensor_delay_s([record_of(trial, lifelike[1]) for trial in lifelike[0]])
+    assert found_s == pytest.approx(LATE_S, abs=2e-3)
+    assert f"positions come {1e3 * found_s:.1f} ms late: trials are read without it" in told
+    (finding,) = judge_study(records_of(readings))
+    assert (finding.code, finding.severity) == ("position_delay_removed", "warning")
+    assert finding.value == pytest.approx(1e3 * found_s)
+
+    stated = read_study(written(tmp_path / "says.h5", lifelike, found_s), OBSERVER, workers=0)
+    for one, other in zip(readings, stated, strict=True):
+        assert one.observed.sha256 == other.observed.sha256
+        np.testing.assert_array_equal(
+            one.observed.rows.friction_response, other.observed.rows.friction_response
+        )
+
+    told.clear()
+    again = read_study(path, OBSERVER, workers=0, cache=tmp_path, tell=told.append)
+    assert told.count(f"{len(readings)} trials, {len(readings)} of them known already") == 2
+    assert judge_study(records_of(again)) == (finding,)
+
+
+def test_what_a_study_says_is_not_corrected(lifelike: Lifelike, tmp_path: Path) -> None:
+    path = written(tmp_path / "study.h5", lifelike, says_s=0.0)
+    (finding,) = judge_study(records_of(read_study(path, OBSERVER, workers=0)))
+    assert finding.code == "position_delay"
+
+
+def late_by(
+    records: list[TrialRecord], delay_s: Callable[[TrialRecord], float]
+) -> list[TrialRecord]:
+    """Return the same records, their positions late by what a function says of each."""
+    return [
+        replace(each, statistics=replace(each.statistics, positions_late_s=delay_s(each)))
+        for each in records
+    ]
+
+
+def test_one_delay_at_all_speeds_and_of_all_people_is_the_sensors(
+    records: list[TrialRecord],
+) -> None:
+    assert sensor_delay_s(late_by(records, lambda _: 0.0312)) == pytest.approx(0.0312)
+    assert sensor_delay_s(late_by(records, lambda _: -0.0312)) == pytest.approx(-0.0312)
+
+
+def test_what_may_be_no_delay_of_the_sensor_is_left(records: list[TrialRecord]) -> None:
+    skin_mm = 2.0  # by which the skin is stretched before the pad follows the nail
+
+    def stretched(record: TrialRecord) -> float:
+        return skin_mm / record.observed.mean_speed_mm_s
+
+    def of_person(record: TrialRecord) -> float:
+        return 0.05 if record.observed.info.participant == "P01" else 0.03
+
+    def of_few(record: TrialRecord) -> float:
+        return 0.04 if record in records[:5] else np.nan
+
+    for delay_s in (stretched, of_person, of_few, lambda _: 0.008):
+        assert sensor_delay_s(late_by(records, delay_s)) == 0.0
+    slowest = min(each.observed.info.speed_mm_s for each in records)
+    of_one_speed = [each for each in records if each.observed.info.speed_mm_s == slowest]
+    assert sensor_delay_s(late_by(of_one_speed, lambda _: 0.04)) == 0.0
