@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from frictus.files import read_toml, require_file
 from frictus.lenient import NO_TRUTH
 from frictus_service.data_import.channels import BY_NAME, DRIVES, UNITS, find_unit, units_of
+from frictus_service.data_import.recording_names import check_template, said_by
 from frictus_service.durable import replace_file
 from frictus_service.errors import FieldError, StudyError
 
@@ -19,7 +20,7 @@ MAX_BYTES: Final = 1 << 20
 SUFFIX: Final = ".map.toml"
 SCHEMA: Final = "column_map/1"
 
-_TEXTS: Final = ("column", "unit", "participant", "rig", "started_utc")
+_TEXTS: Final = ("column", "unit", "participant", "rig", "started_utc", "names")
 """Entries that are texts, though they may look like numbers: the unit 1, the participant 07."""
 
 Positive = Annotated[float, Field(gt=1e-6, lt=1e9, allow_inf_nan=False)]
@@ -74,6 +75,8 @@ class ColumnMap(_Strict):
         By which positions, or the velocity, come late beside the force; taken off their times.
     tones_hz : tuple of float or None
         Of the drive; empty: broadband; None: found in each stroke.
+    names : str
+        Template by which the name of each recording says entries of its own; empty: none.
     participant, session, started_utc, rig
         As in a study.
     carrier_hz, screen_peak_v : float
@@ -89,12 +92,34 @@ class ColumnMap(_Strict):
     normal_load_n: Positive | None = None
     positions_late_s: Annotated[float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False)] = 0.0
     tones_hz: Annotated[tuple[Positive, ...], Field(max_length=64, strict=False)] | None = None
+    names: str = Field(default="", max_length=200)
     participant: str = Field(default="p01", min_length=1, max_length=100)
     session: int = Field(default=1, ge=0, lt=10_000)
     started_utc: str = Field(default="", max_length=64)
     rig: str = Field(default="unknown", min_length=1, max_length=100)
     carrier_hz: Positive = 7000.0
     screen_peak_v: Positive = 75.0
+
+    def of_recording(self, place: str) -> "ColumnMap":
+        """Return the map of one recording, with what its name says.
+
+        Parameters
+        ----------
+        place : str
+            Its name, from folder to group, levels apart by ``/``.
+
+        Raises
+        ------
+        FieldError
+            If the name has another form, or says what cannot be.
+        """
+        if not self.names:
+            return self
+        said = said_by(self.names, place)
+        try:
+            return ColumnMap.model_validate(self.model_dump(by_alias=True) | said)
+        except ValidationError as error:
+            raise FieldError("names", f"reads {place!r}: {_first(error)}") from error
 
     @property
     def direction_from_force(self) -> bool:
@@ -107,6 +132,8 @@ class ColumnMap(_Strict):
         for entry, text in (("participant", self.participant), ("rig", self.rig)):
             if not text.isprintable():
                 raise ValueError(f"{entry} has control or formatting characters: {text!a}")
+        if self.names:
+            check_template(self.names)
         for name, mapped in self.channels.items():
             _check_channel(name, mapped)
         skin = "skin_velocity" in self.channels
@@ -192,10 +219,15 @@ def parse_map(parsed: object, where: str) -> ColumnMap:
     try:
         return ColumnMap.model_validate(parsed)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        reason = first["msg"].removeprefix("Value error, ")
-        raise StudyError(f"{where}: {place + ': ' if place else ''}{reason}") from error
+        raise StudyError(f"{where}: {_first(error)}") from error
+
+
+def _first(error: ValidationError) -> str:
+    """Return the first entry that is wrong, and why."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    reason = first["msg"].removeprefix("Value error, ")
+    return f"{place}: {reason}" if place else reason
 
 
 def save_map(column_map: ColumnMap, path: Path) -> None:
@@ -238,7 +270,8 @@ def _entries(values: dict[str, object]) -> list[str]:
 def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
     """Return a map with entries set, each as `speed_mm_s=80` or `force_x.unit=mN`.
 
-    A channel set to nothing, as `time=`, is left away.
+    A channel set to nothing, as `time=`, is left away. A participant is that of all recordings:
+    names are not read for one then.
 
     Parameters
     ----------
@@ -262,6 +295,8 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
         if not channel and not value and plain["channels"].pop(key, None):
             continue
         held = plain["channels"].setdefault(channel[0], {"unit": ""}) if channel else plain
+        if place == "participant" and "{participant}" in plain["names"]:
+            plain["names"] = ""
         held[key] = value if key in _TEXTS and not value.startswith('"') else _plain(value)
     return parse_map(plain, "--set")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.data_import.column_map import ColumnMap
-from frictus_service.data_import.mapped_study import MappedStudy
+from frictus_service.data_import.mapped_study import ONE_PERSON, MappedStudy, is_nobody
 from frictus_service.errors import Exclusion, StudyError
 from frictus_service.study.trial import StudyInfo
 from frictus_service.study.writer import StudyWriter
@@ -92,6 +92,8 @@ def import_recordings(
                 orders[place] += 1
                 writer.add(replace(trial, info=told))
                 seconds += len(trial.force_n) / asked.sample_rate_hz
+    if len(recordings) > 1 and all(is_nobody(column_map) for _, column_map in recordings):
+        notes[ONE_PERSON] = None
     notes.pop("", None)
     return Imported(sum(orders.values()), seconds, recorded_s, tuple(excluded), tuple(notes))
 

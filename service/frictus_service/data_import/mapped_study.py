@@ -48,10 +48,20 @@ BY_FILE_TIME: Final = (
     "no start time was given: a recording is taken to end when its file was last written, so "
     "that what depends on the time between files is not to be trusted (set started_utc)"
 )
+ONE_PERSON: Final = (
+    "all recordings are taken as of one person, p01: where they are of several, nothing that "
+    "is said of people holds (set names, as names={participant}_{}, or participant)"
+)
 WITHOUT_DRIVE: Final = (
     "no drive is in the map: all trials are blank (where something drove the screen, set "
     "drive_voltage.column, drive_envelope.column or drive_fraction.column)"
 )
+
+
+def is_nobody(column_map: ColumnMap) -> bool:
+    """Return whether a map says of nobody whose recording it is."""
+    default: str = ColumnMap.model_fields["participant"].default
+    return not column_map.names and column_map.participant == default
 
 
 class MappedStudy:
@@ -77,7 +87,7 @@ class MappedStudy:
     def __init__(self, path: Path, column_map: ColumnMap) -> None:
         columns = read_columns(path)
         try:
-            recordings, excluded = mapped_recordings(columns, column_map)
+            recordings, excluded = mapped_recordings(columns, column_map, path)
             for recording in recordings:
                 _check_usable(recording)
             self.recorded_s = sum(recording.seconds for recording in recordings)
@@ -86,6 +96,13 @@ class MappedStudy:
             notes = dict.fromkeys(columns.notes)
             notes |= dict.fromkeys(note for each in recordings for note in each.notes)
             notes |= dict.fromkeys(_of_file(len(recordings), given))
+            if len(recordings) > 1 and is_nobody(column_map):
+                notes[ONE_PERSON] = None
+            if any(
+                None in (each.column_map.speed_mm_s, each.column_map.force_n)
+                for each in recordings
+            ):
+                notes[BY_STEADINESS] = None
             self.info = _info(path, columns.format, column_map, list(notes))
             check_study(self.info)
         except FieldError as error:
@@ -104,7 +121,7 @@ class MappedStudy:
                 f"{path}: no stroke is found in {self.recorded_s:.3g} s; accepted: {STROKES}; "
                 f"look at {look_at}"
             )
-        self._trials, left_out = _trials(path.stem, column_map, strokes, self.info, started)
+        self._trials, left_out = _trials(path.stem, strokes, self.info, started)
         self.excluded = (*excluded, *left_out)
         if not self._trials:
             first = left_out[0]
@@ -247,8 +264,6 @@ def _check_usable(recording: MappedRecording) -> None:
 
 
 def _info(path: Path, file_format: str, column_map: ColumnMap, notes: list[str]) -> StudyInfo:
-    if column_map.speed_mm_s is None or column_map.force_n is None:
-        notes = [*notes, BY_STEADINESS]
     if not column_map.channels.keys() & set(DRIVES):
         notes = [*notes, WITHOUT_DRIVE]
     return StudyInfo(
@@ -264,7 +279,6 @@ def _info(path: Path, file_format: str, column_map: ColumnMap, notes: list[str])
 
 def _trials(
     stem: str,
-    column_map: ColumnMap,
     strokes: list[_Placed],
     study: StudyInfo,
     started: datetime,
@@ -276,6 +290,7 @@ def _trials(
     excluded: list[Exclusion] = []
     for order, placed in enumerate(strokes):
         stroke, recording = placed.stroke, placed.recording
+        column_map = recording.column_map
         begin_s = placed.begins_s + stroke.first / recording.rate_hz
         asked = TrialInfo(
             id=f"{stem}-{order:04d}",
@@ -289,7 +304,7 @@ def _trials(
             sample_rate_hz=recording.rate_hz,
             started_utc=(started + timedelta(seconds=begin_s)).isoformat(),
         )
-        trial = _trial(recording, stroke, _driven(recording, stroke, column_map, asked))
+        trial = _trial(recording, stroke, _driven(recording, stroke, asked))
         try:
             check_asked(trial.info, study)
             check_measured(trial, study)
@@ -300,12 +315,11 @@ def _trials(
     return kept, tuple(excluded)
 
 
-def _driven(
-    recording: MappedRecording, stroke: Stroke, column_map: ColumnMap, asked: TrialInfo
-) -> TrialInfo:
+def _driven(recording: MappedRecording, stroke: Stroke, asked: TrialInfo) -> TrialInfo:
     """Return what was asked, with the drive as the voltage shows it."""
     if recording.voltage_v is None:
         return asked
+    column_map = recording.column_map
     voltage = recording.voltage_v[stroke.first : stroke.last]
     drive = drive_fraction(voltage, column_map.screen_peak_v)
     tones = find_tones(drive, recording.rate_hz, column_map.carrier_hz)

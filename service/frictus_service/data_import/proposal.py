@@ -3,8 +3,7 @@
 What cannot be told from the file is a question, not a guess.
 """
 
-import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -26,6 +25,12 @@ from frictus_service.data_import.channels import (
 from frictus_service.data_import.column_map import ColumnMap, MappedColumn
 from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
 from frictus_service.data_import.motion import signed
+from frictus_service.data_import.recording_names import (
+    people_in,
+    place_of,
+    speed_in,
+    told_people,
+)
 from frictus_service.data_import.recordings_in_file import groups_of
 from frictus_service.study.plausible import OVER_PEAK
 
@@ -112,15 +117,15 @@ def _answers(entry: str) -> tuple[str, ...]:
     }.get(entry, (entry,))
 
 
-def propose(columns: Columns, file_stem: str = "") -> Proposal:
+def propose(columns: Columns, place: str = "") -> Proposal:
     """Return a map of a file, and what is open.
 
     Parameters
     ----------
     columns : Columns
         Of the file.
-    file_stem : str
-        Name of the file: a speed may stand in it.
+    place : str
+        Folder and name of the file, without its ending: people and a speed may stand in it.
     """
     groups = groups_of(columns)
     if groups:
@@ -133,7 +138,8 @@ def propose(columns: Columns, file_stem: str = "") -> Proposal:
     ):
         draft.consider(column)
     draft.settle_axes()
-    draft.check_complete(file_stem)
+    draft.check_complete(place.rpartition("/")[2])
+    draft.name_people([place_of(place, group) for group in groups or [""]])
     column_map = ColumnMap(channels=draft.channels, **draft.known)
     return Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
 
@@ -342,6 +348,12 @@ class _Draft:
                 )
             )
 
+    def name_people(self, places: Sequence[str]) -> None:
+        """Take who was measured from the names of the recordings, where they say it."""
+        if (template := people_in(places)) is not None:
+            self.known["names"] = template
+            self.reasons.append(told_people(template, places))
+
     def _check_rate(self) -> None:
         from_file = named_rate_hz(self._columns.numbers)
         each = [column.rate_hz for column in self._columns.columns]
@@ -384,15 +396,3 @@ def _by_gravity(column: Column) -> list[str]:
         for unit in ("m/s2", "g")
         if abs(mean * UNITS[unit].factor / STANDARD_GRAVITY_M_S2 - 1.0) < GRAVITY_TOLERANCE
     ]
-
-
-def speed_in(file_stem: str) -> float | None:
-    """Return the speed that a file's name tells, mm/s, as `linen_50mmps`; None where none.
-
-    Parameters
-    ----------
-    file_stem : str
-        Its name without the ending.
-    """
-    found = re.search(r"(\d+(?:\.\d+)?)\s*(?:mmps|mm_s|mm\.s|mms)(?![a-z])", file_stem)
-    return float(found[1]) if found and float(found[1]) > 0.0 else None

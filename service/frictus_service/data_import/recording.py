@@ -50,6 +50,8 @@ class MappedRecording:
     position_t_s : ndarray, shape (k,)
     notes : tuple of str
         What was assumed or changed; sentences.
+    column_map : ColumnMap
+        By which it was read, with what its own name says.
     """
 
     rate_hz: float
@@ -62,6 +64,7 @@ class MappedRecording:
     position_mm: FloatArray
     position_t_s: FloatArray
     notes: tuple[str, ...]
+    column_map: ColumnMap
 
     @property
     def seconds(self) -> float:
@@ -119,6 +122,7 @@ class _Mapped:
             position_mm=position_mm,
             position_t_s=position_t_s - self._map.positions_late_s,
             notes=tuple(self._notes),
+            column_map=self._map,
         )
 
     def _force(self) -> Sampled:

@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from frictus_service.data_import.channels import named_channel, split_name
 from frictus_service.data_import.column_map import ColumnMap
 from frictus_service.data_import.formats.columns import Column, Columns
 from frictus_service.data_import.recording import MappedRecording, apply_map
+from frictus_service.data_import.recording_names import levels_of, place_of
 from frictus_service.errors import Exclusion, FieldError
 
 MOTION: Final = ("length", "speed", "time")
@@ -53,10 +55,16 @@ def groups_of(columns: Columns) -> dict[str, Columns]:
         if name.rpartition(".")[0] not in members
     }
     found = {}
-    told = (
+    told = [
         f"{len(groups)} recordings, {groups[0]} to {groups[-1]}: columns are called without "
         "the group"
-    )
+    ]
+    others = [group for own in alike.values() if own is not groups for group in own]
+    if others:
+        told.append(
+            f"{len(others)} more are called otherwise and left out, as {others[0]}: call all "
+            "alike but for numbers, or save them as files of their own"
+        )
     for group in groups:
         own = {
             name.removeprefix(f"{group}."): value
@@ -67,7 +75,7 @@ def groups_of(columns: Columns) -> dict[str, Columns]:
             columns,
             columns=tuple(members[group]),
             numbers=of_all | own,
-            notes=(*columns.notes, told),
+            notes=(*columns.notes, *told),
         )
     return found
 
@@ -79,7 +87,7 @@ def _is_recording(held: list[Column]) -> bool:
 
 
 def mapped_recordings(
-    columns: Columns, column_map: ColumnMap
+    columns: Columns, column_map: ColumnMap, file: Path | None = None
 ) -> tuple[list[MappedRecording], list[Exclusion]]:
     """Return the recordings of a file under its map, and those of several that it does not fit.
 
@@ -90,6 +98,8 @@ def mapped_recordings(
     column_map : ColumnMap
         That calls the columns of groups without the group; one that calls each by its whole
         name makes one recording of the file.
+    file : Path or None
+        Whose folders and name may say whose recording it is; None: names are not read.
 
     Raises
     ------
@@ -99,9 +109,11 @@ def mapped_recordings(
     found: list[MappedRecording] = []
     refused: list[FieldError] = []
     excluded: list[Exclusion] = []
-    for name, part in _recordings(columns, column_map):
+    levels = "" if file is None else levels_of(file)
+    for group, name, part in _recordings(columns, column_map):
         try:
-            found.append(apply_map(part, column_map))
+            own = column_map.of_recording(place_of(levels, group)) if levels else column_map
+            found.append(apply_map(part, own))
         except FieldError as error:
             refused.append(error)
             excluded.append(Exclusion(name, error.field, error.reason))
@@ -110,16 +122,17 @@ def mapped_recordings(
     return found, excluded
 
 
-def _recordings(columns: Columns, column_map: ColumnMap) -> Iterator[tuple[str, Columns]]:
-    """Yield name and columns of each recording, in the order of the file."""
+def _recordings(columns: Columns, column_map: ColumnMap) -> Iterator[tuple[str, str, Columns]]:
+    """Yield group, name and columns of each recording, in the order of the file."""
     names = {mapped.column for mapped in column_map.channels.values()}
     parts = {"": columns}
     if not names <= {column.name for column in columns.columns}:
         parts = groups_of(columns) or parts
-    for name, part in parts.items():
+    for group, part in parts.items():
         pieces = _at_each_start(part, column_map, names)
         for number, piece in enumerate(pieces, 1):
-            yield f"{name} recording {number}".strip() if len(pieces) > 1 else name, piece
+            one_of = f"{group} recording {number}".strip() if len(pieces) > 1 else group
+            yield group, one_of, piece
 
 
 def _at_each_start(part: Columns, column_map: ColumnMap, names: set[str]) -> list[Columns]:

@@ -40,7 +40,7 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
     from frictus_service.data_import.formats.read import read_columns
     from frictus_service.data_import.friction.slides import slides_of_recording, slides_of_study
     from frictus_service.data_import.mapped_study import IMPORTER
-    from frictus_service.data_import.proposal import speed_in
+    from frictus_service.data_import.recording_names import speed_in
     from frictus_service.data_import.recordings_in_file import mapped_recordings
     from frictus_service.study.importers import open_study
 
@@ -53,7 +53,7 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
         # One map for files at several speeds.
         named = {"stage_speed_mm_s": speed_in(file.stem)}
         column_map = column_map.model_copy(update=named)
-    recordings, excluded = mapped_recordings(read_columns(file), column_map)
+    recordings, excluded = mapped_recordings(read_columns(file), column_map, file)
     for one in excluded:
         sys.stderr.write(f"left out: {one.trial}, {one.field}: {one.reason}\n")
     return [

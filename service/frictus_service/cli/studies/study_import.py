@@ -104,7 +104,7 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
             f"{file} holds a frequency response and no samples: a study cannot hold it; "
             "frictus identify fits gain, cutoff and delay to it"
         )
-    proposal = propose(columns, file.stem)
+    proposal = propose(columns, f"{file.resolve().parent.name}/{file.stem}")
     proposal = proposal.answered(changed(proposal.column_map, answers), answers)
     proposal = with_signs(columns, proposal)
     _describe(file, columns, proposal)
