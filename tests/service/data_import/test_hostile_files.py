@@ -233,11 +233,12 @@ def test_empty_and_odd_files(content: bytes, suffix: str, tmp_path: Path) -> Non
         read_columns(path)
 
 
-def test_trials_in_a_cell_are_named(tmp_path: Path) -> None:
-    """As `force{k}`: the refusal says what to do with them."""
+def test_trials_in_an_array_of_more_dimensions_are_refused_with_what_to_do(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "day.mat"
-    savemat(path, {"force": np.array([np.ones(5), np.ones(6)], object)})
-    with pytest.raises(StudyError, match=r"save trials in a cell, .* each as a struct"):
+    savemat(path, {"force": np.ones((5, 3, 4))})
+    with pytest.raises(StudyError, match=r"more dimensions each as a struct"):
         read_columns(path)
 
 

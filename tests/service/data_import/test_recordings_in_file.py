@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.io import savemat
 from typer.testing import CliRunner
 
@@ -74,6 +75,70 @@ def as_structs_of_level_73(path: Path) -> Path:
     return path
 
 
+def in_cell(values: list[object]) -> NDArray[np.object_]:
+    cell = np.empty((1, len(values)), dtype=object)
+    for number, value in enumerate(values):
+        cell[0, number] = value
+    return cell
+
+
+def as_cell_of_structs(path: Path) -> Path:
+    cell = in_cell([dict(held) for held in TRIALS])
+    savemat(
+        path := path.with_suffix(".mat"), {"trial": cell, "fs": RATE_HZ, "note": in_cell(["x"])}
+    )
+    return path
+
+
+def as_cells(path: Path) -> Path:
+    cells = {name: in_cell([held[name] for held in TRIALS]) for name in TRIALS[0]}
+    savemat(path := path.with_suffix(".mat"), {"run": cells, "fs": RATE_HZ})
+    return path
+
+
+def as_variables_that_are_cells(path: Path) -> Path:
+    cells = {name: in_cell([held[name] for held in TRIALS]) for name in TRIALS[0]}
+    savemat(path := path.with_suffix(".mat"), cells | {"fs": RATE_HZ})
+    return path
+
+
+def of_level_73(path: Path, cells: Mapping[str, list[h5py.Reference]]) -> None:
+    with h5py.File(path, "r+") as file:
+        file["fs"] = [[RATE_HZ]]
+        for name, references in cells.items():
+            column = [[reference] for reference in references]
+            cell = file.create_dataset(name, data=column, dtype=h5py.ref_dtype)
+            cell.attrs["MATLAB_class"] = np.bytes_("cell")
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file")
+
+
+def as_cell_of_structs_of_level_73(path: Path) -> Path:
+    with h5py.File(path := path.with_suffix(".mat"), "w", userblock_size=512) as file:
+        references = []
+        for number, held in enumerate(TRIALS):
+            struct = file.create_group(f"#refs#/{number}")
+            struct.attrs["MATLAB_class"] = np.bytes_("struct")
+            for name in held:
+                struct.create_dataset(name, data=[held[name]])
+            references.append(struct.ref)
+    of_level_73(path, {"trial": references})
+    return path
+
+
+def as_cells_of_level_73(path: Path) -> Path:
+    with h5py.File(path := path.with_suffix(".mat"), "w", userblock_size=512) as file:
+        cells = {
+            f"run/{name}": [
+                file.create_dataset(f"#refs#/{name}{number}", data=[held[name]]).ref
+                for number, held in enumerate(TRIALS)
+            ]
+            for name in TRIALS[0]
+        }
+    of_level_73(path, cells)
+    return path
+
+
 def as_rows(path: Path) -> Path:
     rows = np.concatenate([np.column_stack(list(held.values())) for held in TRIALS])
     path = path.with_suffix(".csv")
@@ -81,7 +146,20 @@ def as_rows(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("written", [as_groups, as_structs, as_structs_of_level_73, as_rows])
+@pytest.mark.parametrize(
+    "written",
+    [
+        as_groups,
+        as_structs,
+        as_structs_of_level_73,
+        as_cell_of_structs,
+        as_cell_of_structs_of_level_73,
+        as_cells,
+        as_cells_of_level_73,
+        as_variables_that_are_cells,
+        as_rows,
+    ],
+)
 def test_each_is_proposed_and_becomes_a_trial(
     written: Callable[[Path], Path], tmp_path: Path
 ) -> None:
@@ -158,6 +236,31 @@ def test_references_without_end_are_refused(tmp_path: Path) -> None:
         values = file.create_dataset("#refs#/a", data=np.ones(9))
         field = file.create_dataset("trial/fx", shape=(100_000,), dtype=h5py.ref_dtype)
         field[:] = values.ref
+    with pytest.raises(StudyError, match="holds more than 16384 objects"):
+        read_columns(path)
+
+
+def test_what_lies_in_another_file_is_no_part_of_a_cell(tmp_path: Path) -> None:
+    other = as_groups(tmp_path / "other")
+    path = as_cell_of_structs_of_level_73(tmp_path / "day")
+    with h5py.File(path, "r+") as file:
+        for number in range(len(TRIALS)):
+            file[f"#refs#/{number}/fy"] = h5py.ExternalLink(other, "trials/trial_0000/fx")
+    names = {column.name.rpartition(".")[2] for column in read_columns(path).columns}
+    assert names == set(TRIALS[0])
+
+
+@pytest.mark.timeout(120)
+def test_a_cell_whose_structs_hold_more_than_can_be_is_refused(tmp_path: Path) -> None:
+    """A few references lead to many groups each, over and over."""
+    path = tmp_path / "day.mat"
+    with h5py.File(path, "w") as file:
+        struct = file.create_group("#refs#/a")
+        for number in range(4000):
+            struct.create_group(f"g{number}")
+        cell = file.create_dataset("trial", shape=(9000,), dtype=h5py.ref_dtype)
+        cell[:] = struct.ref
+        cell.attrs["MATLAB_class"] = np.bytes_("cell")
     with pytest.raises(StudyError, match="holds more than 16384 objects"):
         read_columns(path)
 

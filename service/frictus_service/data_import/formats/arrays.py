@@ -3,8 +3,9 @@
 Of HDF5, which MATLAB 7.3 is too, every data set of numbers is read by its path. Data that lie
 in another file (external storage, virtual data sets, links) are not followed.
 
-Of MATLAB level 5, variables and fields of structs are read; of an array of structs as
-`trial(2).force`.
+Of MATLAB, variables and fields of structs are read; of an array of structs as `trial(2).force`,
+of a cell of structs as `trial{2}.force`, of cells of arrays alike, with the number before the
+name: of `run.force` and `run.speed` as `run{2}.force` and `run{2}.speed`.
 """
 
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from frictus_service.study.hdf5 import Stored, naming_damage
 from frictus_service.study.matlab import MAX_STRUCTS_DEEP, read_variables
 
 MAX_OBJECTS: Final = 16_384
+TOO_MANY: Final = f"it holds more than {MAX_OBJECTS} objects; save the channels alone"
 MAX_GROUPS_DEEP: Final = 16
 """Of groups: each object is found by its whole path, which takes ever longer."""
 UNIT_NAMES: Final = ("unit", "units", "Unit", "Units", "UNIT")
@@ -90,27 +92,42 @@ def _objects(file: h5py.File) -> tuple[list[Stored], dict[str, dict[str, Any]]]:
         file.visititems(visit)
     referred = sum(field.size for _, field in fields)  # many may lead to the same values
     if seen + referred > MAX_OBJECTS:
-        raise StudyError(f"it holds more than {MAX_OBJECTS} objects; save the channels alone")
+        raise StudyError(TOO_MANY)
     if deepest > MAX_GROUPS_DEEP:
         raise StudyError(
             f"groups lie in it more than {MAX_GROUPS_DEEP} deep; save the channels flat"
         )
     for name, field in fields:
-        found += _of_structs(file, name, field)
+        for place, inner in _referred(file, name, field):
+            seen += 1
+            if seen > MAX_OBJECTS:
+                raise StudyError(TOO_MANY)
+            if isinstance(inner, h5py.Dataset):
+                found.append(Stored(place, inner.shape or (), inner.dtype.kind, inner))
     return found, groups
 
 
-def _of_structs(file: h5py.File, name: str, field: h5py.Dataset) -> Iterator[Stored]:
-    """Yield what a field of an array of structs refers to, as MATLAB 7.3 keeps it."""
+def _referred(
+    file: h5py.File, name: str, field: h5py.Dataset
+) -> Iterator[tuple[str, h5py.HLObject]]:
+    """Yield what a cell, or a field of an array of structs, refers to in MATLAB 7.3."""
     with naming_damage(name):
-        if "MATLAB_class" in field.attrs:  # a cell
-            return
+        is_cell = "MATLAB_class" in field.attrs
         struct, _, last = name.rpartition(".")
         for number, reference in enumerate(field[()].reshape(-1), 1):
             held = file[reference] if reference else None
-            if isinstance(held, h5py.Dataset):
-                shape = held.shape or ()
-                yield Stored(f"{struct}({number}).{last}", shape, held.dtype.kind, held)
+            if isinstance(held, h5py.Group) and is_cell:  # a struct
+                for member in held:
+                    if isinstance(held.get(member, getlink=True), h5py.HardLink):
+                        yield f"{name}{{{number}}}.{member}", held[member]
+            elif held is not None:
+                yield _in_cell(name, number) if is_cell else f"{struct}({number}).{last}", held
+
+
+def _in_cell(name: str, number: int) -> str:
+    """Return the name of an array in a cell: cells beside it hold what else was recorded."""
+    struct, _, last = name.rpartition(".")
+    return f"{struct}{{{number}}}.{last}"
 
 
 def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
@@ -235,5 +252,9 @@ def _add_variable(gathered: Gatherer, name: str, value: Any, depth: int) -> None
             place = name if value.size == 1 else f"{name}({number})"
             for field in getattr(inner, "_fieldnames", ()):
                 _add_variable(gathered, f"{place}.{field}", getattr(inner, field), depth - 1)
+            if isinstance(inner, np.ndarray):  # a cell
+                structs = inner.dtype == object
+                place = f"{name}{{{number}}}" if structs else _in_cell(name, number)
+                _add_variable(gathered, place, inner, depth - 1)
     elif value.dtype.kind in "biufc" and gathered.reserve(name, value.shape):
         gathered.add(name, value)

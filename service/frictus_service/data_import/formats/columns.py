@@ -172,8 +172,8 @@ class Gatherer:
         if not any(column.values.size > 1 for column in self._columns):
             raise StudyError(
                 "it holds no column of numbers; accepted: arrays of samples of one or two "
-                "dimensions, also in a struct or an array of structs; save trials in a cell, a "
-                "table or an array of more dimensions each as a struct, or as a file"
+                "dimensions, also in structs and cells; save trials in a table or an array of "
+                "more dimensions each as a struct, or as a file"
             )
         return Columns(
             self._format,
