@@ -134,6 +134,7 @@ EVIDENCE: Final = Reader(
         "frictus_service.identification.observation.through_mount",
         "frictus_service.identification.observation.touch_path",
         "frictus_service.identification.plausibility.trial_statistics",
+        "frictus_service.identification.plausibility.turns",
     ),
 )
 

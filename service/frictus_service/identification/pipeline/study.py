@@ -14,7 +14,7 @@ from frictus_service.identification.observation.observe import course_of, observ
 from frictus_service.identification.observation.response import NO_ROWS, TrialObservations
 from frictus_service.identification.pipeline.cache import Cache
 from frictus_service.identification.pipeline.workers import Crash, Reader, Reading, work_through
-from frictus_service.identification.plausibility import trial_statistics
+from frictus_service.identification.plausibility import trial_statistics, turns
 from frictus_service.identification.plausibility.pool import TrialRecord
 from frictus_service.identification.plausibility.position_delay import sensor_delay_s
 from frictus_service.identification.plausibility.trial_statistics import (
@@ -41,7 +41,8 @@ def read_observations(trial: Trial, study: StudyInfo) -> Reading:
     return Reading(observe_along(course, trial, study), {STATISTICS: statistics})
 
 
-OBSERVER: Final = Reader("observations", read_observations, (trial_statistics.__name__,))
+SOURCES: Final = (trial_statistics.__name__, turns.__name__)
+OBSERVER: Final = Reader("observations", read_observations, SOURCES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from frictus_service.identification.plausibility.pool import (
     middle,
     normal_axis,
     passivity,
+    positions_late_s,
     share_off,
     skin_direction,
     skin_scale,
@@ -316,17 +317,17 @@ CHECKS: Final = (
         "warning",
         lambda pool: 1e3 * middle(pool.column("positions_earlier_s")),
         MOST_LATE_MS,
-        "the positions come {value:.0f} ms late beside the skin's sensor, at all speeds alike, "
-        "and are used as much earlier",
+        "the positions come {value:.0f} ms late, at all speeds alike, and are used as much "
+        "earlier",
         "write what the touch sensor's delay is, in s, as the root attribute positions_late_s "
         "of the study, or 0 if it has none",
     ),
     Check(
         "position_delay",
         "warning",
-        lambda pool: 1e3 * middle(pool.column("positions_late_s")),
+        lambda pool: 1e3 * positions_late_s(pool),
         MOST_LATE_MS,
-        "the positions are {value:.0f} ms late beside the skin's sensor",
+        "the positions turn {value:.0f} ms later than friction or the skin's sensor",
         "write it, in s, as the root attribute positions_late_s of the study, or in the column "
         "map, if it is the touch sensor's: else causes of place, direction and speed may be "
         "named that are not there",

@@ -23,6 +23,7 @@ from frictus_service.study.trial import StudyInfo, Trial
 OF_FORCE: Final = (
     *("normal_sign", "force_unit", "force_target", "friction_sign", "friction_unit"),
     *("friction_axis", "force_axis", "drive_sign", "mobility_sign", "skin_unit", "skin_delay"),
+    "position_delay",
 )
 CONSEQUENCES: Final = {
     "motion_axis": (

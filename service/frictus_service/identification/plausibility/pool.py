@@ -206,6 +206,18 @@ def share_off(ratios: FloatArray) -> float:
     return float(np.mean(np.abs(known - 1.0) > FAR)) if known.size else np.nan
 
 
+def positions_late_s(pool: Pool) -> float:
+    """Return by how much positions follow friction or the skin's sensor, whichever is more.
+
+    A finger that rests at its turns makes them seem early beside friction: that says nothing.
+    """
+    by_skin, by_friction = (
+        middle(pool.column(f"late_by_{source}_s")) for source in ("skin", "friction")
+    )
+    found = [by_skin, by_friction if by_friction > 0.0 else np.nan]
+    return max(found, key=lambda late_s: -1.0 if np.isnan(late_s) else abs(late_s))
+
+
 def friction_coefficient(pool: Pool, part: str) -> float:
     """Return the friction coefficient along or across, both directions weighing the same.
 

@@ -38,27 +38,49 @@ def sensor_delay_s(trials: Sequence[TrialRecord]) -> float:
     -------
     float
         In s, to 0.1 ms; negative where positions come early. 0 where the check `position_delay`
-        accepts it or another finding explains it, and where people, or slow and fast trials, do
-        not show the same.
+        accepts it or another finding explains it, and where friction and the skin's sensor,
+        people, or slow and fast trials, do not show the same.
     """
-    late_s = np.array([each.statistics.positions_late_s for each in trials])
-    speed = np.array([each.observed.mean_speed_mm_s for each in trials])
-    known = np.isfinite(late_s) & np.isfinite(speed)
-    if np.count_nonzero(known) < LEAST_TRIALS:
+    found_s = []
+    for source in ("late_by_friction_s", "late_by_skin_s"):
+        told = [each for each in trials if np.isfinite(_late_s(each, source))]
+        if len(told) < LEAST_TRIALS:
+            continue
+        late_s = float(np.median([_late_s(each, source) for each in told]))
+        if source == "late_by_friction_s" and late_s < 0.0:
+            continue  # as rests at turns make it
+        found_s.append(late_s if _is_of_sensor(told, source, late_s) else 0.0)
+    if not found_s or abs(found_s[0] - found_s[-1]) > SAME_S or not any(found_s):
         return 0.0
     if not any(each.code == "position_delay" for each in judge_study(trials)):
         return 0.0
+    return round(found_s[0] / STEP_S) * STEP_S
+
+
+def _late_s(trial: TrialRecord, source: str) -> float:
+    return float(getattr(trial.statistics, source))
+
+
+def _is_of_sensor(trials: Sequence[TrialRecord], source: str, usual_s: float) -> bool:
+    """Return whether a delay is that of most people, and of slow and fast trials."""
     of_person: dict[str, list[float]] = defaultdict(list)
-    for each, told in zip(trials, known.tolist(), strict=True):
-        if told:
-            of_person[each.observed.info.participant].append(each.statistics.positions_late_s)
-    late_s, speed = late_s[known], speed[known]
-    usual_s = float(np.median(late_s))
+    for each in trials:
+        of_person[each.observed.info.participant].append(_late_s(each, source))
     people_s = np.array([np.median(own) for own in of_person.values()])
-    others = float(np.mean(np.abs(people_s - usual_s) > SAME_S))
-    slow, fast = np.array_split(np.argsort(speed, kind="stable"), 2)
-    slower_s, faster_s = float(np.median(late_s[slow])), float(np.median(late_s[fast]))
-    one_speed = np.median(speed[fast]) < LEAST_SPEED_RATIO * np.median(speed[slow])
-    if one_speed or abs(slower_s - faster_s) > SAME_S or others > MOST_OTHERS:
-        return 0.0
-    return round(usual_s / STEP_S) * STEP_S
+    if np.mean(np.abs(people_s - usual_s) > SAME_S) > MOST_OTHERS:
+        return False
+    swept = [each for each in trials if np.isfinite(each.observed.mean_speed_mm_s)]
+    swept.sort(key=lambda each: each.observed.mean_speed_mm_s)
+    half = len(swept) // 2
+    if not half:
+        return False
+    slower_s, faster_s = (
+        float(np.median([_late_s(each, source) for each in part]))
+        for part in (swept[:half], swept[half:])
+    )
+    slower_mm_s, faster_mm_s = (
+        float(np.median([each.observed.mean_speed_mm_s for each in part]))
+        for part in (swept[:half], swept[half:])
+    )
+    alike = abs(faster_s - slower_s) <= SAME_S
+    return alike and faster_mm_s >= LEAST_SPEED_RATIO * slower_mm_s

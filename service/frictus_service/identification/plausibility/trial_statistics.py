@@ -13,6 +13,11 @@ from frictus_service.identification.observation.hann_spectrum import LONGEST, ha
 from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.sweeps import WINDOW_S
 from frictus_service.identification.observation.validity import inspect
+from frictus_service.identification.plausibility.turns import (
+    DELAYS_S,
+    delay_of,
+    friction_delay_s,
+)
 from frictus_service.study.trial import StudyInfo, Trial
 
 BAND_HZ: Final = (20.0, 1000.0)
@@ -23,10 +28,6 @@ BLOCK_S: Final = 0.5e-3
 """Sums of a sensor over so long are enough for how a finger moves."""
 LEAST_CHANGE_M_S: Final = 0.02
 """Standard deviation of these changes, below which nothing is compared: the finger went on."""
-DELAYS_S: Final = np.linspace(-0.1, 0.1, 41)
-"""By which positions may follow the skin's sensor."""
-LEAST_REPORTS: Final = 20
-"""That are compared for a delay."""
 ALIKE: Final = 0.95
 """Correlation above which the two show one motion, so that a delay can be told."""
 LEAST_SPEED_MM_S: Final = 2.0
@@ -73,8 +74,8 @@ class TrialStatistics:
     motion_power, shared, skin_power : float
         Sums of squares and of products about their means: change of the finger's velocity from
         its positions, and from the skin's sensor; (m/s)².
-    positions_late_s : float
-        By which positions follow the skin's sensor.
+    late_by_skin_s, late_by_friction_s : float
+        By which positions follow the skin's sensor, and friction.
     positions_earlier_s : float
         By which the times of the positions were taken earlier, as they were found late.
     clipped : float
@@ -102,7 +103,8 @@ class TrialStatistics:
     motion_power: float
     shared: float
     skin_power: float
-    positions_late_s: float
+    late_by_skin_s: float
+    late_by_friction_s: float
     positions_earlier_s: float
     clipped: float
 
@@ -141,7 +143,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
     rate_hz = trial.info.sample_rate_hz
     whole = np.logical_and.reduce(known, axis=0)
     swept = partial(_swept, course, force_n, whole, rate_hz)
-    motion_power, shared, skin_power, positions_late_s = _kinematics(trial, course)
+    motion_power, shared, skin_power, late_by_skin_s = _kinematics(trial, course)
     carrier_ratio = _carrier_ratio(trial, study)
     return TrialStatistics(
         duration_s,
@@ -159,7 +161,8 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         motion_power,
         shared,
         skin_power,
-        positions_late_s,
+        late_by_skin_s,
+        friction_delay_s(trial, course),
         0.0,
         _clipped(trial),
     )
@@ -306,32 +309,9 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
     earlier = DELAYS_S[:, np.newaxis]  # a late report shows where the finger was
     shifted = np.interp(last[whole] - earlier, clock, total)
     shifted = shifted - np.interp(first[whole] - earlier, clock, total)
-    late_s = _delay_s(moved[whole], shifted)
+    late_s, _ = delay_of(moved[whole], shifted, ALIKE)
     moved, measured = moved - moved.mean(), measured - measured.mean()
     return float(moved @ moved), float(moved @ measured), float(measured @ measured), late_s
-
-
-def _delay_s(moved: FloatArray, shifted: FloatArray) -> float:
-    """Return which of `DELAYS_S` fits best, between its neighbours; NaN where none does.
-
-    Parameters
-    ----------
-    moved : ndarray, shape (n,)
-    shifted : ndarray, shape (n_delays, n)
-    """
-    if moved.size < LEAST_REPORTS:
-        return np.nan
-    moved = moved - moved.mean()
-    shifted = shifted - shifted.mean(axis=1, keepdims=True)
-    size = np.sqrt((moved @ moved) * np.square(shifted).sum(axis=1))
-    likeness = np.divide(shifted @ moved, size, out=np.zeros(len(shifted)), where=size > 0.0)
-    best = int(np.argmax(likeness))
-    if likeness[best] < ALIKE or best in (0, len(likeness) - 1):
-        return np.nan
-    before, here, after = likeness[best - 1 : best + 2]
-    bend = before - 2.0 * here + after
-    step_s = float(DELAYS_S[1] - DELAYS_S[0])
-    return float(DELAYS_S[best] + 0.5 * step_s * (before - after) / bend) if bend else np.nan
 
 
 def _clipped(trial: Trial) -> float:

@@ -147,15 +147,11 @@ WARNINGS: Final[Mapping[str, Slip]] = {
     "skin 260 us late": _slip(lambda t: _late(t, 260e-6), "skin_delay", "skew_s"),
     "force clipped": _slip(_clipped, "clipped", "widen the range"),
     "monitor clipped": _slip(_monitor_clipped, "drive_peak", "square of the voltage"),
-}
-"""Fits are possible."""
-
-BY_THE_HAND: Final[Mapping[str, Slip]] = {
     "positions 40 ms late": _slip(
         lambda t: replace(t, position_t_s=t.position_t_s + 0.04), "position_delay", "late_s"
     ),
 }
-"""Fits are possible; told where the acceleration has the hand's turns in it."""
+"""Fits are possible."""
 
 REFUSED: Final[Mapping[str, Callable[[Trial], Trial]]] = {
     "force in mN": lambda t: _force(t, 1e3 * EYE),

@@ -12,7 +12,6 @@ import pytest
 from tests.blind.cases import REALISTIC, UNKNOWN, cause, draw_case
 from tests.blind.generator import Case, Design, Seeds, make_study
 from tests.service.identification.plausibility.slips import (
-    BY_THE_HAND,
     SLIPS,
     WARNINGS,
     is_refused,
@@ -57,14 +56,14 @@ def test_no_false_alarm_and_every_slip_named(seed: int, tmp_path: Path) -> None:
         path.unlink()
         alarms += [each.text for each in judge_study([record_of(t, info) for t in trials])]
         few = [trials[k] for k in rng.permutation(len(trials))[:SLIPPED_TRIALS]]
-        for name, slip in {**SLIPS, **WARNINGS, **BY_THE_HAND}.items():
+        for name, slip in {**SLIPS, **WARNINGS}.items():
             made = [slip.make(each) for each in few]
             kept = [record_of(each, info) for each in made if not is_refused(each, info)]
             found = {each.code for each in judge_study(kept)}
             named[name] += bool(found & slip.found_by) or 2 * len(kept) < len(few)
-    for name in (*SLIPS, *WARNINGS, *BY_THE_HAND):
+    for name in (*SLIPS, *WARNINGS):
         print(f"| {name} | {named[name]} of {STUDIES} |")  # noqa: T201
     print(f"| right studies with any finding | {len(alarms)} of {STUDIES} |", alarms)  # noqa: T201
     assert len(alarms) <= 1
     assert all(named[name] == STUDIES for name in SLIPS)
-    assert all(named[name] >= 0.9 * STUDIES for name in (*WARNINGS, *BY_THE_HAND))
+    assert all(named[name] >= 0.9 * STUDIES for name in WARNINGS)

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from tests.blind.generator import Case, Design, Seeds, make_study
 from tests.service.identification.plausibility.slips import record_of
+from tests.service.identification.trials import Made, trial
 
+from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.identification.plausibility.pool import TrialRecord
 from frictus_service.identification.plausibility.position_delay import sensor_delay_s
+from frictus_service.identification.plausibility.turns import friction_delay_s
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
 from frictus_service.study.writer import StudyWriter
@@ -61,9 +64,9 @@ def test_once_the_study_says_so_nothing_is_said(lifelike: Lifelike, tmp_path: Pa
     late, _ = lifelike
     with open_study(written(tmp_path / "study.h5", lifelike, LATE_S)) as study:
         trials, info = [study.read(each.id) for each in study.trials], study.info
-    for before, trial in zip(late, trials, strict=True):
-        np.testing.assert_allclose(trial.position_t_s, before.position_t_s - LATE_S)
-        assert trial.sha256 != before.sha256  # what was observed before is not taken for it
+    for before, after in zip(late, trials, strict=True):
+        np.testing.assert_allclose(after.position_t_s, before.position_t_s - LATE_S)
+        assert after.sha256 != before.sha256  # what was observed before is not taken for it
     assert judge_study([record_of(trial, info) for trial in trials]) == ()
 
 
@@ -99,13 +102,21 @@ def test_what_a_study_says_is_not_corrected(lifelike: Lifelike, tmp_path: Path) 
     assert finding.code == "position_delay"
 
 
+Delay = Callable[[TrialRecord], float]
+
+
 def late_by(
-    records: list[TrialRecord], delay_s: Callable[[TrialRecord], float]
+    records: list[TrialRecord], by_skin_s: Delay, by_friction_s: Delay | None = None
 ) -> list[TrialRecord]:
-    """Return the same records, their positions late by what a function says of each."""
+    """Return the same records, their positions late by what functions say of each."""
+    by_friction_s = by_friction_s or by_skin_s
+    late = [(each, by_skin_s(each), by_friction_s(each)) for each in records]
     return [
-        replace(each, statistics=replace(each.statistics, positions_late_s=delay_s(each)))
-        for each in records
+        replace(
+            each,
+            statistics=replace(each.statistics, late_by_skin_s=one, late_by_friction_s=other),
+        )
+        for each, one, other in late
     ]
 
 
@@ -130,6 +141,67 @@ def test_what_may_be_no_delay_of_the_sensor_is_left(records: list[TrialRecord]) 
 
     for delay_s in (stretched, of_person, of_few, lambda _: 0.008):
         assert sensor_delay_s(late_by(records, delay_s)) == 0.0
+    for one_s, other_s in ((0.0, 0.04), (0.06, 0.04), (-0.04, 0.04)):  # one of them is another
+        told = late_by(records, lambda _, it=one_s: it, lambda _, it=other_s: it)  # type: ignore[misc]
+        assert sensor_delay_s(told) == 0.0
+        assert [each.code for each in judge_study(told)] == ["position_delay"]
     slowest = min(each.observed.info.speed_mm_s for each in records)
     of_one_speed = [each for each in records if each.observed.info.speed_mm_s == slowest]
     assert sensor_delay_s(late_by(of_one_speed, lambda _: 0.04)) == 0.0
+
+
+def test_rests_at_the_turns_say_nothing(records: list[TrialRecord]) -> None:
+    """Friction may stay while a finger rests: positions seem to turn first then."""
+    rested = late_by(records, lambda _: np.nan, lambda _: -0.06)
+    assert judge_study(rested) == ()
+    beside_skin = late_by(records, lambda _: 0.04, lambda _: -0.02)
+    assert sensor_delay_s(beside_skin) == pytest.approx(0.04)
+
+
+def test_friction_alone_tells_the_delay(lifelike: Lifelike, tmp_path: Path) -> None:
+    """Most rigs have no accelerometer."""
+    trials, info = lifelike
+    bare = [replace(each, accel_m_s2=None) for each in trials]
+    path = written(tmp_path / "study.h5", (bare, info))
+    (finding,) = judge_study(records_of(read_study(path, OBSERVER, workers=0)))
+    assert finding.code == "position_delay_removed"
+    assert finding.value == pytest.approx(1e3 * LATE_S, abs=2.0)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.025, 0.06])
+@pytest.mark.parametrize("speed_mm_s", [50.0, 100.0])
+def test_friction_tells_the_delay_of_strokes(
+    late_s: float, speed_mm_s: float, rng: np.random.Generator
+) -> None:
+    made = trial(Made((100.0,), speed_mm_s, seconds=3.0, span_mm=0.6 * speed_mm_s), rng)
+    late = replace(made, position_t_s=made.position_t_s + late_s, accel_m_s2=None)
+    assert friction_delay_s(late, course_of(late)) == pytest.approx(late_s, abs=2e-3)
+
+
+def resting(rests_s: float, late_s: float, rng: np.random.Generator) -> Trial:
+    """Return strokes with rests between them, in which friction keeps its sign."""
+    made = trial(Made((100.0,), 60.0, seconds=4.0), rng)
+    count, rate_hz = made.force_n.shape[0], made.info.sample_rate_hz
+    time_s = np.arange(count) / rate_hz
+    stroke_s = 0.8
+    number, within_s = np.divmod(time_s, stroke_s + rests_s)
+    part = np.clip(within_s / stroke_s, 0.0, 1.0)
+    there = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)  # of minimum jerk
+    right = number % 2 == 0
+    force = made.force_n.copy()
+    force[:, 0] = np.where(right, 0.2, -0.2) + 0.005 * rng.standard_normal(count)
+    x_mm = np.interp(
+        made.position_t_s, time_s, 20.0 + 50.0 * np.where(right, there, 1.0 - there)
+    )
+    position_mm = np.column_stack([x_mm, np.full(x_mm.size, 5.0)])
+    position_t_s = made.position_t_s + late_s
+    return replace(made, force_n=force, position_mm=position_mm, position_t_s=position_t_s)
+
+
+@pytest.mark.parametrize("rests_s", [0.05, 0.15, 0.4])
+@pytest.mark.parametrize("late_s", [0.0, 0.04])
+def test_friction_that_keeps_its_sign_at_rest_tells_nothing(
+    rests_s: float, late_s: float, rng: np.random.Generator
+) -> None:
+    made = resting(rests_s, late_s, rng)
+    assert np.isnan(friction_delay_s(made, course_of(made)))
