@@ -4,6 +4,7 @@ Saved beside the file as `FILE.map.toml`, and read from there. Strict: a person 
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -20,7 +21,15 @@ MAX_BYTES: Final = 1 << 20
 SUFFIX: Final = ".map.toml"
 SCHEMA: Final = "column_map/1"
 
-_TEXTS: Final = ("column", "unit", "participant", "rig", "started_utc", "names")
+_TEXTS: Final = (
+    "column",
+    "unit",
+    "participant",
+    "rig",
+    "started_utc",
+    "names",
+    "participant_field",
+)
 """Entries that are texts, though they may look like numbers: the unit 1, the participant 07."""
 
 Positive = Annotated[float, Field(gt=1e-6, lt=1e9, allow_inf_nan=False)]
@@ -75,6 +84,8 @@ class ColumnMap(_Strict):
         By which positions, or the velocity, come late beside the force; taken off their times.
     tones_hz : tuple of float or None
         Of the drive; empty: broadband; None: found in each stroke.
+    participant_field : str
+        Field or attribute of each recording that says its participant; empty: none.
     names : str
         Template by which the name of each recording says entries of its own; empty: none.
     participant, session, started_utc, rig
@@ -92,6 +103,7 @@ class ColumnMap(_Strict):
     normal_load_n: Positive | None = None
     positions_late_s: Annotated[float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False)] = 0.0
     tones_hz: Annotated[tuple[Positive, ...], Field(max_length=64, strict=False)] | None = None
+    participant_field: str = Field(default="", max_length=100)
     names: str = Field(default="", max_length=200)
     participant: str = Field(default="p01", min_length=1, max_length=100)
     session: int = Field(default=1, ge=0, lt=10_000)
@@ -100,26 +112,39 @@ class ColumnMap(_Strict):
     carrier_hz: Positive = 7000.0
     screen_peak_v: Positive = 75.0
 
-    def of_recording(self, place: str) -> "ColumnMap":
-        """Return the map of one recording, with what its name says.
+    def of_recording(self, place: str, fields: Mapping[str, str]) -> "ColumnMap":
+        """Return the map of one recording, with what it says of itself.
 
         Parameters
         ----------
         place : str
             Its name, from folder to group, levels apart by ``/``.
+        fields : mapping of str to str
+            Its fields and attributes.
 
         Raises
         ------
         FieldError
-            If the name has another form, or says what cannot be.
+            If it lacks the field, the name has another form, or either says what cannot be.
         """
-        if not self.names:
+        said: dict[str, str | int | float] = {}
+        if self.participant_field:
+            if self.participant_field not in fields:
+                listed = ", ".join(sorted(fields)[:20]) or "none"
+                raise FieldError(
+                    "participant_field",
+                    f"is {self.participant_field!r}; accepted: a field of the recording, which "
+                    f"has {listed}",
+                )
+            said["participant"] = fields[self.participant_field]
+        if self.names:
+            said |= said_by(self.names, place)
+        if not said:
             return self
-        said = said_by(self.names, place)
         try:
             return ColumnMap.model_validate(self.model_dump(by_alias=True) | said)
         except ValidationError as error:
-            raise FieldError("names", f"reads {place!r}: {_first(error)}") from error
+            raise FieldError("names", f"of {place!r}: {_first(error)}") from error
 
     @property
     def direction_from_force(self) -> bool:
@@ -271,7 +296,7 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
     """Return a map with entries set, each as `speed_mm_s=80` or `force_x.unit=mN`.
 
     A channel set to nothing, as `time=`, is left away. A participant is that of all recordings:
-    names are not read for one then.
+    what they say themselves does not count then.
 
     Parameters
     ----------
@@ -295,8 +320,9 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
         if not channel and not value and plain["channels"].pop(key, None):
             continue
         held = plain["channels"].setdefault(channel[0], {"unit": ""}) if channel else plain
-        if place == "participant" and "{participant}" in plain["names"]:
-            plain["names"] = ""
+        if place == "participant":
+            plain["participant_field"] = ""
+            plain["names"] = "" if "{participant}" in plain["names"] else plain["names"]
         held[key] = value if key in _TEXTS and not value.startswith('"') else _plain(value)
     return parse_map(plain, "--set")
 

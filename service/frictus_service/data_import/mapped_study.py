@@ -61,7 +61,8 @@ WITHOUT_DRIVE: Final = (
 def is_nobody(column_map: ColumnMap) -> bool:
     """Return whether a map says of nobody whose recording it is."""
     default: str = ColumnMap.model_fields["participant"].default
-    return not column_map.names and column_map.participant == default
+    said = column_map.names or column_map.participant_field
+    return not said and column_map.participant == default
 
 
 class MappedStudy:

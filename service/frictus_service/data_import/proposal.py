@@ -3,7 +3,7 @@
 What cannot be told from the file is a question, not a guess.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -25,12 +25,7 @@ from frictus_service.data_import.channels import (
 from frictus_service.data_import.column_map import ColumnMap, MappedColumn
 from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
 from frictus_service.data_import.motion import signed
-from frictus_service.data_import.recording_names import (
-    people_in,
-    place_of,
-    speed_in,
-    told_people,
-)
+from frictus_service.data_import.recording_names import propose_people, speed_in
 from frictus_service.data_import.recordings_in_file import groups_of
 from frictus_service.study.plausible import OVER_PEAK
 
@@ -139,7 +134,9 @@ def propose(columns: Columns, place: str = "") -> Proposal:
         draft.consider(column)
     draft.settle_axes()
     draft.check_complete(place.rpartition("/")[2])
-    draft.name_people([place_of(place, group) for group in groups or [""]])
+    if (people := propose_people(groups or {"": columns}, place)) is not None:
+        draft.known[people.entry] = people.value
+        draft.reasons.append(people.reason)
     column_map = ColumnMap(channels=draft.channels, **draft.known)
     return Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
 
@@ -347,12 +344,6 @@ class _Draft:
                     "or velocity_x.column, or stage_speed_mm_s to the speed of the stage",
                 )
             )
-
-    def name_people(self, places: Sequence[str]) -> None:
-        """Take who was measured from the names of the recordings, where they say it."""
-        if (template := people_in(places)) is not None:
-            self.known["names"] = template
-            self.reasons.append(told_people(template, places))
 
     def _check_rate(self) -> None:
         from_file = named_rate_hz(self._columns.numbers)

@@ -5,10 +5,12 @@ as `{participant}/{}_{force_n}N_{}` reads it.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from frictus_service.data_import.formats.columns import Columns
 from frictus_service.errors import FieldError
 
 NUMBER: Final = r"\d{1,9}(?:[.,p]\d{1,9})?"
@@ -29,6 +31,16 @@ PERSON: Final = re.compile(
     re.IGNORECASE,
 )
 """What people are called in names; `s3` may as well be a session or a surface."""
+
+
+PERSON_FIELDS: Final = frozenset(
+    "participant participantid subject subjectid subjectname subj vp proband".split()
+)
+
+
+def is_person_field(name: str) -> bool:
+    """Return whether a field of a recording, or an attribute, is called as one of a person."""
+    return "".join(filter(str.isalnum, name.lower())) in PERSON_FIELDS
 
 
 def check_template(template: str) -> None:
@@ -129,6 +141,57 @@ def _pattern(template: str) -> re.Pattern[str]:
     return re.compile(pattern, re.IGNORECASE)
 
 
+@dataclass(frozen=True, slots=True)
+class ProposedPeople:
+    """How a file says who was measured.
+
+    Attributes
+    ----------
+    entry, value : str
+        Of the column map.
+    reason : str
+        In words, with whom it calls.
+    """
+
+    entry: str
+    value: str
+    reason: str
+
+
+def propose_people(recordings: Mapping[str, Columns], file: str) -> ProposedPeople | None:
+    """Return how recordings say who was measured; None where they do not.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Columns
+        Of a file, by group.
+    file : str
+        Levels to the file, without its ending.
+    """
+    fields = [
+        [(name, said) for name, said in each.fields.items() if is_person_field(name)]
+        for each in recordings.values()
+    ]
+    if all(fields):
+        entry, (value, _) = "participant_field", fields[0][0]
+        said = [str(dict(each).get(value, "")) for each in fields]
+    else:
+        places = [place_of(file, group) for group in recordings]
+        template = people_in(places)
+        if template is None:
+            return None
+        entry, value = "names", template
+        said = [str(said_by(template, place)["participant"]) for place in places]
+    people = list(dict.fromkeys(said))
+    more = f" and {len(people) - MOST_TOLD} more" if len(people) > MOST_TOLD else ""
+    return ProposedPeople(
+        entry,
+        value,
+        f"participants are read by {entry} {value}: {', '.join(people[:MOST_TOLD])}{more} (set "
+        "participant where these are no people)",
+    )
+
+
 def people_in(places: Sequence[str]) -> str | None:
     """Return the template that says who was measured; None where names call nobody.
 
@@ -143,16 +206,6 @@ def people_in(places: Sequence[str]) -> str | None:
         if len(forms) == 1 and (form := forms.pop()) is not None:
             return "/".join((form, *["{}"] * (len(levels) - 1 - levels.index(names))))
     return None
-
-
-def told_people(template: str, places: Sequence[str]) -> str:
-    """Return in words whom the names of recordings call, by a template that they fit."""
-    people = list(dict.fromkeys(str(said_by(template, one)["participant"]) for one in places))
-    more = f" and {len(people) - MOST_TOLD} more" if len(people) > MOST_TOLD else ""
-    return (
-        f"names are read as {template}: of {', '.join(people[:MOST_TOLD])}{more} (set "
-        "participant where they do not call people)"
-    )
 
 
 def _form(found: re.Match[str] | None) -> str | None:

@@ -6,7 +6,7 @@ is a recording of its own: nothing is known of the time between them.
 """
 
 import re
-from collections import defaultdict
+from collections import ChainMap, defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -65,6 +65,10 @@ def groups_of(columns: Columns) -> dict[str, Columns]:
             f"{len(others)} more are called otherwise and left out, as {others[0]}: call all "
             "alike but for numbers, or save them as files of their own"
         )
+    texts: defaultdict[str, dict[str, str]] = defaultdict(dict)
+    for name, text in columns.texts.items():
+        holder, _, last = name.rpartition(".")
+        texts[holder][last] = text
     for group in groups:
         own = {
             name.removeprefix(f"{group}."): value
@@ -76,8 +80,17 @@ def groups_of(columns: Columns) -> dict[str, Columns]:
             columns=tuple(members[group]),
             numbers=of_all | own,
             notes=(*columns.notes, *told),
+            texts=dict(ChainMap(*(texts[holder] for holder in _holders(group)))),
         )
     return found
+
+
+def _holders(group: str) -> Iterator[str]:
+    """Yield a group and all that hold it, the file last: what they say is said of it."""
+    while group:
+        yield group
+        group = group.rpartition(".")[0]
+    yield ""
 
 
 def _is_recording(held: list[Column]) -> bool:
@@ -112,7 +125,9 @@ def mapped_recordings(
     levels = "" if file is None else levels_of(file)
     for group, name, part in _recordings(columns, column_map):
         try:
-            own = column_map.of_recording(place_of(levels, group)) if levels else column_map
+            own = column_map
+            if levels:
+                own = own.of_recording(place_of(levels, group), part.fields)
             found.append(apply_map(part, own))
         except FieldError as error:
             refused.append(error)

@@ -1,11 +1,18 @@
 """Names of folders, files and groups say who was measured, and what was asked."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from tests.service.data_import.test_recordings_in_file import RATE_HZ, TRIALS, as_groups
+from scipy.io import savemat
+from tests.service.data_import.test_recordings_in_file import (
+    RATE_HZ,
+    TRIALS,
+    as_cell_of_structs_of_level_73,
+    as_groups,
+)
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
@@ -122,11 +129,80 @@ def grouped(path: Path) -> Path:
 def test_a_file_of_several_people_is_a_study_of_several_people(tmp_path: Path) -> None:
     path = grouped(tmp_path / "all.h5")
     told = imported(tmp_path / "out.h5", [path], "--yes")
-    assert "names are read as {participant}/{}: of P01, P02" in told
+    assert "participants are read by names {participant}/{}: P01, P02" in told
     assert ONE_PERSON not in told
     assert [one[0] for one in people_of(tmp_path / "out.h5")] == ["P01", "P01", "P02", "P02"]
     with open_study(path) as beside:  # by the map that was saved
         assert {one.participant for one in beside.trials} == {"P01", "P02"}
+
+
+def as_attributes(path: Path, people: list[object]) -> Path:
+    path = as_groups(path)
+    with h5py.File(path, "r+") as file:
+        for number, person in enumerate(people):
+            file[f"trials/trial_{number:04d}"].attrs["subject"] = person
+    return path
+
+
+def as_attributes_of_holders(path: Path, people: list[object]) -> Path:
+    with h5py.File(path := path.with_suffix(".h5"), "w") as file:
+        for number, (held, person) in enumerate(zip(TRIALS, people, strict=True)):
+            holder = file.create_group(f"{number}")
+            holder.attrs["Participant_ID"] = person
+            group = holder.create_group("run")
+            group.attrs["fs"] = RATE_HZ
+            for name in held:
+                group[name] = held[name]
+    return path
+
+
+def as_fields(path: Path, people: list[object]) -> Path:
+    cell = np.empty((1, len(TRIALS)), dtype=object)
+    for number, (held, person) in enumerate(zip(TRIALS, people, strict=True)):
+        cell[0, number] = {**held, "subject": person}
+    savemat(path := path.with_suffix(".mat"), {"trial": cell, "fs": RATE_HZ})
+    return path
+
+
+def as_fields_of_level_73(path: Path, people: list[object]) -> Path:
+    path = as_cell_of_structs_of_level_73(path)
+    with h5py.File(path, "r+") as file:
+        for number, person in enumerate(people):
+            codes = np.array([list(map(ord, str(person)))], np.uint16).T
+            letters = file.create_dataset(f"#refs#/{number}/subject", data=codes)
+            letters.attrs["MATLAB_class"] = np.bytes_("char")
+    return path
+
+
+@pytest.mark.parametrize(
+    "written", [as_attributes, as_attributes_of_holders, as_fields, as_fields_of_level_73]
+)
+@pytest.mark.parametrize(
+    "people", [["AB", "AB", "KM", "KM"], [7, 7, 12, 12]], ids=["text", "number"]
+)
+def test_what_recordings_say_of_their_person_is_read(
+    written: Callable[[Path, list[object]], Path], people: list[object], tmp_path: Path
+) -> None:
+    path = written(tmp_path / "all", people)
+    told = imported(tmp_path / "out.h5", [path], "--yes")
+    assert "participants are read by participant_field" in told
+    assert [one[0] for one in people_of(tmp_path / "out.h5")] == sorted(map(str, people))
+    out = tmp_path / "another.h5"
+    imported(out, [path], "--participant", "XY")
+    assert {one[0] for one in people_of(out)} == {"XY"}
+
+
+@pytest.mark.parametrize(
+    ("says", "reason"),
+    [("x", "is 'x'; accepted: a field of the recording, which has"), ("note", "control or")],
+)
+def test_a_field_that_says_nobody_is_refused(says: str, reason: str, tmp_path: Path) -> None:
+    path = as_attributes(tmp_path / "all", ["AB"] * 4)
+    with h5py.File(path, "r+") as file:
+        file.attrs["note"] = "a\nb"
+    imported(tmp_path / "out.h5", [path], "--yes")
+    told = imported(tmp_path / "no.h5", [path], "--set", f"participant_field={says}", code=2)
+    assert reason in " ".join(told.split())
 
 
 def test_who_says_whose_they_are_is_right(tmp_path: Path) -> None:

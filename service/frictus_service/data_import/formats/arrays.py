@@ -8,6 +8,7 @@ of a cell of structs as `trial{2}.force`, of cells of arrays alike, with the num
 name: of `run.force` and `run.speed` as `run{2}.force` and `run{2}.speed`.
 """
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -15,7 +16,8 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
-from frictus_service.data_import.formats.columns import Columns, Gatherer
+from frictus_service.data_import.formats.columns import MAX_LETTERS, Columns, Gatherer
+from frictus_service.data_import.recording_names import is_person_field
 from frictus_service.errors import StudyError
 from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, naming_damage
@@ -51,10 +53,13 @@ def read_hdf5(path: Path) -> Columns:
         gathered = Gatherer("MATLAB v7.3" if matlab else "HDF5")
         for name, value in held.items():
             _number(gathered, name, value)
+            _text(gathered, name, value)
         data_sets, groups = _objects(file)
         for group, held in groups.items():
             for name in RATE_NAMES:
                 _number(gathered, f"{group}.{name}", held.get(name))
+            for name, value in held.items():
+                _text(gathered, f"{group}.{name}", value)
         for stored in data_sets:
             _add_data_set(gathered, stored)
         return gathered.result()
@@ -135,6 +140,7 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
         "c" if stored.handle.dtype.fields and _is_complex(stored.handle.dtype) else stored.kind
     )
     if kind not in "biufc" or not _is_numeric(stored):
+        _add_text(gathered, stored)
         return
     with naming_damage(stored.name):
         # A dimension of netCDF that has no values of its own: a scale that nobody writes.
@@ -161,6 +167,17 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
         plain if isinstance(plain, str) else "",
         float(rate_hz) if isinstance(rate_hz, int | float) else None,
     )
+
+
+def _add_text(gathered: Gatherer, stored: Stored) -> None:
+    """Take what MATLAB 7.3 keeps as the codes of letters, or a single text of HDF5."""
+    letters = math.prod(stored.shape)
+    if str(hdf5.plain(stored.attributes.get("MATLAB_class"))) == "char":
+        if stored.kind == "u" and letters <= MAX_LETTERS:
+            gathered.text(stored.name, "".join(map(chr, stored.read().reshape(-1).tolist())))
+    elif letters == 1 and h5py.check_string_dtype(stored.handle.dtype) is not None:
+        with naming_damage(stored.name):
+            _text(gathered, stored.name, stored.handle[()])
 
 
 def _scaled(stored: Stored, values: np.ndarray) -> np.ndarray:
@@ -226,6 +243,14 @@ def _number(gathered: Gatherer, name: str, value: object) -> None:
         gathered.add(name, np.asarray(float(plain)))
 
 
+def _text(gathered: Gatherer, name: str, value: object) -> None:
+    plain = hdf5.plain(value)
+    if isinstance(plain, int | float) and is_person_field(name.rpartition(".")[2]):
+        gathered.text(name, f"{plain:.15g}")
+    elif isinstance(plain, str):
+        gathered.text(name, plain)
+
+
 def read_matlab(path: Path) -> Columns:
     """Return the variables of a level 5 file as columns; a field of a struct as `struct.field`.
 
@@ -256,5 +281,7 @@ def _add_variable(gathered: Gatherer, name: str, value: Any, depth: int) -> None
                 structs = inner.dtype == object
                 place = f"{name}{{{number}}}" if structs else _in_cell(name, number)
                 _add_variable(gathered, place, inner, depth - 1)
+    elif value.dtype.kind == "U" and value.size == 1:
+        gathered.text(name, str(value.item()))
     elif value.dtype.kind in "biufc" and gathered.reserve(name, value.shape):
         gathered.add(name, value)

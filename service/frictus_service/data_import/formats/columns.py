@@ -14,6 +14,8 @@ from frictus_service.errors import StudyError
 MAX_VALUES: Final = 100_000_000
 """Of all columns of a file together: they are in memory at once, as float64."""
 MAX_COLUMNS: Final = 4096
+MAX_LETTERS: Final = 100
+"""Of a text that is kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,8 @@ class Columns:
         ISO 8601; empty where the file does not say it.
     notes : tuple of str
         What of the file was left out; sentences.
+    texts : dict
+        Single texts by name, as who was measured.
     """
 
     format: str
@@ -61,6 +65,12 @@ class Columns:
     numbers: dict[str, float] = field(default_factory=dict)
     started_utc: str = ""
     notes: tuple[str, ...] = ()
+    texts: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def fields(self) -> dict[str, str]:
+        """Single values as text, by name."""
+        return {name: f"{value:.15g}" for name, value in self.numbers.items()} | self.texts
 
 
 class Gatherer:
@@ -77,6 +87,7 @@ class Gatherer:
         self._columns: list[Column] = []
         self._numbers: dict[str, float] = {}
         self._notes: list[str] = []
+        self._texts: dict[str, str] = {}
         self._values = 0
 
     def reserve(self, name: str, shape: tuple[int, ...]) -> bool:
@@ -152,6 +163,11 @@ class Gatherer:
             values = np.ascontiguousarray(matrix[:, number], dtype=np.float64)
             self._columns.append(Column(each, values, unit, rate_hz))
 
+    def text(self, name: str, value: str) -> None:
+        """Take a single text, unless it is long: it names nobody then."""
+        if 0 < len(value) <= MAX_LETTERS and len(self._texts) < MAX_COLUMNS:
+            self._texts[name] = value
+
     def note(self, sentence: str) -> None:
         """Keep what of the file was left out."""
         self._notes.append(sentence)
@@ -181,6 +197,7 @@ class Gatherer:
             self._numbers,
             started_utc,
             tuple(self._notes),
+            self._texts,
         )
 
 
