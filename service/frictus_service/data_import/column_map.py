@@ -144,7 +144,8 @@ class ColumnMap(_Strict):
         try:
             return ColumnMap.model_validate(self.model_dump(by_alias=True) | said)
         except ValidationError as error:
-            raise FieldError("names", f"of {place!r}: {_first(error)}") from error
+            entry = "names" if self.names else "participant_field"
+            raise FieldError(entry, f"of {place!r}: {_first(error)}") from error
 
     @property
     def direction_from_force(self) -> bool:

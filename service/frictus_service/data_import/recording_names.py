@@ -31,8 +31,6 @@ PERSON: Final = re.compile(
     re.IGNORECASE,
 )
 """What people are called in names; `s3` may as well be a session or a surface."""
-
-
 PERSON_FIELDS: Final = frozenset(
     "participant participantid subject subjectid subjectname subj vp proband".split()
 )
@@ -117,7 +115,7 @@ def said_by(template: str, place: str) -> dict[str, str | int | float]:
         raise FieldError(
             "names",
             f"is {template!r}, and the recording is called {name[:MAX_LETTERS]!r}; accepted: a "
-            "template that every name fits, with {} for what differs and says nothing",
+            "template that every name fits, with {} for what differs and says nothing, or none",
         )
     return {entry: _value(entry, said) for entry, said in found.groupdict().items()}
 
