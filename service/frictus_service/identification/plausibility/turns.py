@@ -13,6 +13,8 @@ DELAYS_S: Final = np.linspace(-0.1, 0.1, 41)
 """By which positions may follow."""
 LEAST_REPORTS: Final = 20
 """That are compared."""
+MOST_APART_S: Final = 0.025
+"""Reports farther apart do not show when a finger turns: at 30 Hz, 12 ms are chance."""
 BLOCK_S: Final = 5e-3
 """Mean forces over so long tell when friction turns."""
 TURNS_WITHIN_MM_S: Final = 10.0
@@ -77,14 +79,15 @@ def friction_delay_s(trial: Trial, course: FingerTrajectory) -> float:
     Returns
     -------
     float
-        In s; NaN where the finger does not turn, or friction does not follow it.
+        In s; NaN where the finger does not turn, friction does not follow it, or reports are
+        slower than 40 Hz.
     """
     motion, rate_hz = course.motion, trial.info.sample_rate_hz
     block = max(round(BLOCK_S * rate_hz), 1)
     count = trial.force_n.shape[0] // block
     mean_n = trial.force_n[: count * block].reshape(count, block, 3).mean(axis=1)
     time_s = (np.arange(count) + 0.5) * block / rate_hz
-    if motion.time_s.size < 2:
+    if motion.time_s.size < 2 or np.median(np.diff(motion.time_s)) > MOST_APART_S:
         return np.nan
     normal_n = mean_n[:, 2]
     known = np.isfinite(mean_n).all(axis=1)

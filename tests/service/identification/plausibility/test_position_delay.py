@@ -178,6 +178,15 @@ def test_friction_tells_the_delay_of_strokes(
     assert friction_delay_s(late, course_of(late)) == pytest.approx(late_s, abs=2e-3)
 
 
+def test_few_reports_tell_nothing(rng: np.random.Generator) -> None:
+    made = trial(Made((100.0,), 100.0, seconds=3.0), rng)
+    spacing_s = float(np.median(np.diff(made.position_t_s)))
+    few = slice(None, None, round(1.0 / 30.0 / spacing_s))
+    rare = replace(made, position_mm=made.position_mm[few], position_t_s=made.position_t_s[few])
+    assert np.isfinite(friction_delay_s(made, course_of(made)))
+    assert np.isnan(friction_delay_s(rare, course_of(rare)))
+
+
 def resting(rests_s: float, late_s: float, rng: np.random.Generator) -> Trial:
     """Return strokes with rests between them, in which friction keeps its sign."""
     made = trial(Made((100.0,), 60.0, seconds=4.0), rng)
