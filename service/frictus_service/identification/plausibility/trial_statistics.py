@@ -17,6 +17,7 @@ from frictus_service.identification.plausibility.turns import (
     DELAYS_S,
     delay_of,
     friction_delay_s,
+    often_reported,
 )
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -305,7 +306,7 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
     measured = np.interp(last, clock, total) - np.interp(first, clock, total)
     if not moved.std() >= LEAST_CHANGE_M_S:
         return unknown
-    whole = (first >= DELAYS_S[-1]) & (last <= end_s + DELAYS_S[0])
+    whole = (first >= DELAYS_S[-1]) & (last <= end_s + DELAYS_S[0]) & often_reported(motion)
     earlier = DELAYS_S[:, np.newaxis]  # a late report shows where the finger was
     shifted = np.interp(last[whole] - earlier, clock, total)
     shifted = shifted - np.interp(first[whole] - earlier, clock, total)

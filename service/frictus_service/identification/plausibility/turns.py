@@ -7,6 +7,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.observe import PRESSED_SHARE, FingerTrajectory
+from frictus_service.identification.observation.sweeps import TouchMotion
 from frictus_service.study.trial import Trial
 
 DELAYS_S: Final = np.linspace(-0.1, 0.1, 41)
@@ -25,6 +26,11 @@ TURNED: Final = 0.5
 """Of its size, which friction reaches in both directions where the finger turns."""
 FOLLOWS: Final = 0.9
 """Correlation above which friction is that of the motion."""
+
+
+def often_reported(motion: TouchMotion) -> bool:
+    """Return whether reports are close enough to show when a finger turns."""
+    return motion.time_s.size > 1 and bool(np.median(np.diff(motion.time_s)) <= MOST_APART_S)
 
 
 def delay_of(reference: FloatArray, shifted: FloatArray, alike: float) -> tuple[float, float]:
@@ -87,7 +93,7 @@ def friction_delay_s(trial: Trial, course: FingerTrajectory) -> float:
     count = trial.force_n.shape[0] // block
     mean_n = trial.force_n[: count * block].reshape(count, block, 3).mean(axis=1)
     time_s = (np.arange(count) + 0.5) * block / rate_hz
-    if motion.time_s.size < 2 or np.median(np.diff(motion.time_s)) > MOST_APART_S:
+    if not often_reported(motion):
         return np.nan
     normal_n = mean_n[:, 2]
     known = np.isfinite(mean_n).all(axis=1)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.blind.generator import Case, Design, Seeds, make_study
 from tests.service.identification.plausibility.slips import record_of
-from tests.service.identification.trials import Made, trial
+from tests.service.identification.trials import STUDY, Made, trial
 
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
@@ -184,7 +184,8 @@ def test_few_reports_tell_nothing(rng: np.random.Generator) -> None:
     few = slice(None, None, round(1.0 / 30.0 / spacing_s))
     rare = replace(made, position_mm=made.position_mm[few], position_t_s=made.position_t_s[few])
     assert np.isfinite(friction_delay_s(made, course_of(made)))
-    assert np.isnan(friction_delay_s(rare, course_of(rare)))
+    said = record_of(rare, STUDY).statistics
+    assert np.isnan([said.late_by_friction_s, said.late_by_skin_s]).all()
 
 
 def resting(rests_s: float, late_s: float, rng: np.random.Generator) -> Trial:
