@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from frictus.errors import complaint
 from frictus.files import read_toml, require_file
 from frictus.lenient import NO_TRUTH
 from frictus_service.data_import.channels import BY_NAME, DRIVES, UNITS, find_unit, units_of
@@ -252,8 +253,7 @@ def _first(error: ValidationError) -> str:
     """Return the first entry that is wrong, and why."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"])
-    reason = first["msg"].removeprefix("Value error, ")
-    return f"{place}: {reason}" if place else reason
+    return f"{place}: {complaint(first)}" if place else complaint(first)
 
 
 def save_map(column_map: ColumnMap, path: Path) -> None:

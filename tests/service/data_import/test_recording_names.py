@@ -12,6 +12,7 @@ from tests.service.data_import.test_recordings_in_file import (
     TRIALS,
     as_cell_of_structs_of_level_73,
     as_groups,
+    in_cell,
 )
 from typer.testing import CliRunner
 
@@ -157,10 +158,8 @@ def as_attributes_of_holders(path: Path, people: list[object]) -> Path:
 
 
 def as_fields(path: Path, people: list[object]) -> Path:
-    cell = np.empty((1, len(TRIALS)), dtype=object)
-    for number, (held, person) in enumerate(zip(TRIALS, people, strict=True)):
-        cell[0, number] = {**held, "subject": person}
-    savemat(path := path.with_suffix(".mat"), {"trial": cell, "fs": RATE_HZ})
+    structs = [{**held, "subject": person} for held, person in zip(TRIALS, people, strict=True)]
+    savemat(path := path.with_suffix(".mat"), {"trial": in_cell([*structs]), "fs": RATE_HZ})
     return path
 
 

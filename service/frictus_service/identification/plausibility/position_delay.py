@@ -5,12 +5,13 @@ positions follow the nail is not: the pad stays behind where a stroke turns unti
 stretched, by a length, and so for a time that is the longer the slower the finger is.
 """
 
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.identification.plausibility.pool import TrialRecord
 
@@ -41,15 +42,19 @@ def sensor_delay_s(trials: Sequence[TrialRecord]) -> float:
         accepts it or another finding explains it, and where friction and the skin's sensor,
         people, or slow and fast trials, do not show the same.
     """
+    people = np.array([each.observed.info.participant for each in trials])
+    speed_mm_s = np.array([each.observed.mean_speed_mm_s for each in trials])
     found_s = []
     for source in ("late_by_friction_s", "late_by_skin_s"):
-        told = [each for each in trials if np.isfinite(_late_s(each, source))]
-        if len(told) < LEAST_TRIALS:
+        late_s = np.array([getattr(each.statistics, source) for each in trials])
+        told = np.isfinite(late_s)
+        if np.count_nonzero(told) < LEAST_TRIALS:
             continue
-        late_s = float(np.median([_late_s(each, source) for each in told]))
-        if source == "late_by_friction_s" and late_s < 0.0:
+        usual_s = float(np.median(late_s[told]))
+        if source == "late_by_friction_s" and usual_s < 0.0:
             continue  # as rests at turns make it
-        found_s.append(late_s if _is_of_sensor(told, source, late_s) else 0.0)
+        is_sensors = _is_of_sensor(late_s[told], people[told], speed_mm_s[told])
+        found_s.append(usual_s if is_sensors else 0.0)
     if not found_s or abs(found_s[0] - found_s[-1]) > SAME_S or not any(found_s):
         return 0.0
     if not any(each.code == "position_delay" for each in judge_study(trials)):
@@ -57,30 +62,23 @@ def sensor_delay_s(trials: Sequence[TrialRecord]) -> float:
     return round(found_s[0] / STEP_S) * STEP_S
 
 
-def _late_s(trial: TrialRecord, source: str) -> float:
-    return float(getattr(trial.statistics, source))
+def _is_of_sensor(late_s: FloatArray, people: NDArray[np.str_], speed_mm_s: FloatArray) -> bool:
+    """Return whether a delay is that of most people, and of slow and fast trials.
 
-
-def _is_of_sensor(trials: Sequence[TrialRecord], source: str, usual_s: float) -> bool:
-    """Return whether a delay is that of most people, and of slow and fast trials."""
-    of_person: dict[str, list[float]] = defaultdict(list)
-    for each in trials:
-        of_person[each.observed.info.participant].append(_late_s(each, source))
-    people_s = np.array([np.median(own) for own in of_person.values()])
-    if np.mean(np.abs(people_s - usual_s) > SAME_S) > MOST_OTHERS:
+    Parameters
+    ----------
+    late_s, people, speed_mm_s : ndarray, shape (n_trials,)
+        Delay, participant and mean speed of each trial; NaN where there was no sweep.
+    """
+    people_s = np.array([np.median(late_s[people == name]) for name in np.unique(people)])
+    if np.mean(np.abs(people_s - np.median(late_s)) > SAME_S) > MOST_OTHERS:
         return False
-    swept = [each for each in trials if np.isfinite(each.observed.mean_speed_mm_s)]
-    swept.sort(key=lambda each: each.observed.mean_speed_mm_s)
-    half = len(swept) // 2
-    if not half:
+    swept = np.flatnonzero(np.isfinite(speed_mm_s))
+    if swept.size < 2:
         return False
-    slower_s, faster_s = (
-        float(np.median([_late_s(each, source) for each in part]))
-        for part in (swept[:half], swept[half:])
-    )
-    slower_mm_s, faster_mm_s = (
-        float(np.median([each.observed.mean_speed_mm_s for each in part]))
-        for part in (swept[:half], swept[half:])
-    )
+    swept = swept[np.argsort(speed_mm_s[swept], kind="stable")]
+    halves = np.split(swept, [swept.size // 2])
+    slower_s, faster_s = (np.median(late_s[half]) for half in halves)
+    slower_mm_s, faster_mm_s = (np.median(speed_mm_s[half]) for half in halves)
     alike = abs(faster_s - slower_s) <= SAME_S
-    return alike and faster_mm_s >= LEAST_SPEED_RATIO * slower_mm_s
+    return bool(alike and faster_mm_s >= LEAST_SPEED_RATIO * slower_mm_s)

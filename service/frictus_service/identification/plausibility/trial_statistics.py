@@ -306,11 +306,13 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
     measured = np.interp(last, clock, total) - np.interp(first, clock, total)
     if not moved.std() >= LEAST_CHANGE_M_S:
         return unknown
-    whole = (first >= DELAYS_S[-1]) & (last <= end_s + DELAYS_S[0]) & often_reported(motion)
-    earlier = DELAYS_S[:, np.newaxis]  # a late report shows where the finger was
-    shifted = np.interp(last[whole] - earlier, clock, total)
-    shifted = shifted - np.interp(first[whole] - earlier, clock, total)
-    late_s, _ = delay_of(moved[whole], shifted, ALIKE)
+    late_s = np.nan
+    if often_reported(motion):
+        whole = (first >= DELAYS_S[-1]) & (last <= end_s + DELAYS_S[0])
+        earlier = DELAYS_S[:, np.newaxis]  # a late report shows where the finger was
+        shifted = np.interp(last[whole] - earlier, clock, total)
+        shifted = shifted - np.interp(first[whole] - earlier, clock, total)
+        late_s, _ = delay_of(moved[whole], shifted, ALIKE)
     moved, measured = moved - moved.mean(), measured - measured.mean()
     return float(moved @ moved), float(moved @ measured), float(measured @ measured), late_s
 

@@ -89,12 +89,12 @@ def friction_delay_s(trial: Trial, course: FingerTrajectory) -> float:
         slower than 40 Hz.
     """
     motion, rate_hz = course.motion, trial.info.sample_rate_hz
+    if not often_reported(motion):
+        return np.nan
     block = max(round(BLOCK_S * rate_hz), 1)
     count = trial.force_n.shape[0] // block
     mean_n = trial.force_n[: count * block].reshape(count, block, 3).mean(axis=1)
     time_s = (np.arange(count) + 0.5) * block / rate_hz
-    if not often_reported(motion):
-        return np.nan
     normal_n = mean_n[:, 2]
     known = np.isfinite(mean_n).all(axis=1)
     known &= (time_s >= motion.time_s[0] + DELAYS_S[-1]) & (
