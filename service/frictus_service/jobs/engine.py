@@ -261,9 +261,12 @@ class JobEngine(ABC, Generic[Job]):
             # It stands there as running: the next API process makes that interrupted.
             _LOG.exception("%s %s: its state could not be kept", self.kind, job.id)
         finally:
-            with self._lock:
-                if self._jobs.get(job.id) is running:  # not if it was resumed meanwhile
-                    del self._jobs[job.id]
+            self._forget(job.id, running)
+
+    def _forget(self, job: str, running: _Running[Job]) -> None:
+        with self._lock:
+            if self._jobs.get(job) is running:  # not if it was resumed meanwhile
+                del self._jobs[job]
 
     def _carry_out(self, job: Job, running: _Running[Job]) -> Word | None:
         """Return the last word of the job's process; None if it ended without one."""
@@ -299,7 +302,9 @@ class JobEngine(ABC, Generic[Job]):
         said = ""
         while True:
             try:
-                return self._conclude(job, running, last)
+                with self._lock:  # or who cancels it now is told that it will be
+                    self._conclude(job, running, last)
+                    return self._forget(job, running)
             except OSError as error:
                 if self.closing:
                     raise

@@ -212,6 +212,33 @@ def test_one_that_runs_is_cancelled_once_it_has_ended(service: Service) -> None:
         service.engine.cancel("0-0")
 
 
+def test_one_that_has_just_ended_is_not_cancelled(service: Service) -> None:
+    job = service.begin()
+    service.wait_for_start(job)
+    change, told = service.engine.store.change, []
+
+    def cancel() -> None:
+        with pytest.raises(WRONG_STATE, match="is done"):
+            service.engine.cancel(job)
+        told.append(True)
+
+    asking = threading.Thread(target=cancel)
+
+    def keep(job: str, to: str, **given: Any) -> Any:
+        kept = change(job, to, **given)
+        asking.start()  # between what is kept of it and its being taken off
+        asking.join(0.3)
+        return kept
+
+    service.engine.store.change = keep
+    service.allow(job)
+    assert service.end_of(job) == "done"
+    while not asking.ident:
+        time.sleep(LOOK_S)
+    asking.join()
+    assert told
+
+
 def test_killed_it_is_interrupted_and_can_be_gone_on_with(service: Service) -> None:
     job = service.begin()
     service.wait_for_start(job)
