@@ -19,6 +19,7 @@ from frictus_service.errors import EstimateError, RecordingError, TrialError
 from frictus_service.identification.observation.touch_path import PART_S, path_of
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
+from frictus_service.study.layout import in_time
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 from frictus_service.tracking.carried import carried
@@ -127,7 +128,9 @@ def _cutter(
     return WindowCutter(sample_rate_hz, screen_peak_v, mount)
 
 
-def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, EstimateState]:
+def follow_study(
+    reader: StudyReader, prior: Prior, tell: Tell, late_s: float = 0.0
+) -> dict[str, EstimateState]:
     """Follow the fingers of a study, each participant's trials in their order.
 
     Trials at another sample rate than most of a participant's are left out, and counted.
@@ -140,6 +143,8 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
         Of a new person.
     tell : callable
         Told the estimate after every trial.
+    late_s : float
+        By which the times of the positions are taken earlier; beside what the study says.
 
     Returns
     -------
@@ -173,7 +178,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
         else:
             parts: list[AlignedSamples] = []
             with suppress(TrialError):
-                trial = reader.read(asked.id)
+                trial = in_time(reader.read(asked.id), late_s)
                 parts = list(_parts_of(trial, run))
                 cutters[participant].skew(trial.force_skew_s)
             if not parts:

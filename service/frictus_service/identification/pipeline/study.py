@@ -138,38 +138,84 @@ def read_study(
     workers, cache, cluster, tell
         As for `observe_study`.
     """
-    tell = tell or (lambda line: None)
-    path = Path(path).resolve()
-    kept = None if cache is None else Cache(Path(cache).resolve(), reader)
-    with unchanged(path), open_study(path) as study:
+    work = _Work(path, reader, workers, cache, cluster, tell)
+    with unchanged(work.path), open_study(work.path) as study:
         for left_out in study.excluded:
-            tell(f"trial {left_out.trial} is left out: {left_out.field} {left_out.reason}")
-
-        def read(late_s: float) -> list[Reading]:
-            contents = _Contents.of(path, kept, late_s)
-            found = {trial.id: contents.find(trial, study) for trial in study.trials}
-            tasks = [
-                Task(path, trial, None if kept is None else kept.folder, reader, late_s)
-                for trial in study.trials
-                if found[trial.id] is None
-            ]
-            tell(f"{len(found)} trials, {len(found) - len(tasks)} of them known already")
-            done = _each(study, tasks, workers, cluster, tell)
-            for count, (task, outcome) in enumerate(done, 1):
-                found[task.trial.id] = _reading_of(task.trial, outcome)
-                if count * 20 // len(tasks) > (count - 1) * 20 // len(tasks):
-                    tell(f"{count} of {len(tasks)} trials observed")
-            readings = [each for each in found.values() if each is not None]
-            if tasks:
-                contents.keep(readings)
-            return readings
-
-        readings = read(0.0)
+            work.tell(f"trial {left_out.trial} is left out: {left_out.field} {left_out.reason}")
+        readings = work.through(study)
         stated = study.info.positions_late_s is not None
         if not stated and (late_s := sensor_delay_s(records_of(readings))):
-            tell(f"positions come {1e3 * late_s:.1f} ms late: trials are read without it")
-            readings = [_earlier(each, late_s) for each in read(late_s)]
+            work.tell(f"positions come {1e3 * late_s:.1f} ms late: trials are read without it")
+            readings = [_earlier(each, late_s) for each in work.through(study, late_s)]
     return _without_copies(readings)
+
+
+def position_delay_s(
+    path: Path | str,
+    *,
+    workers: int | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> float:
+    """Return by how much the positions of a study are late that does not say it; 0 if it does.
+
+    As `read_study` takes it off; see `sensor_delay_s`.
+
+    Parameters
+    ----------
+    path : Path or str
+        Of the file.
+    workers, tell
+        As for `observe_study`.
+
+    Returns
+    -------
+    float
+        In s.
+    """
+    work = _Work(path, OBSERVER, workers, None, None, tell)
+    with open_study(work.path) as study:
+        stated = study.info.positions_late_s is not None
+        return 0.0 if stated else sensor_delay_s(records_of(work.through(study)))
+
+
+class _Work:
+    """How the trials of a study are read."""
+
+    def __init__(
+        self,
+        path: Path | str,
+        reader: Reader,
+        workers: int | None,
+        cache: Path | str | None,
+        cluster: str | None,
+        tell: Callable[[str], None] | None,
+    ) -> None:
+        self.path = Path(path).resolve()
+        self._reader, self._workers, self._cluster = reader, workers, cluster
+        self._kept = None if cache is None else Cache(Path(cache).resolve(), reader)
+        self.tell = tell or (lambda line: None)
+
+    def through(self, study: Study, late_s: float = 0.0) -> list[Reading]:
+        """Return the readings of all trials, whose positions are taken earlier."""
+        kept = self._kept
+        contents = _Contents.of(self.path, kept, late_s)
+        found = {trial.id: contents.find(trial, study) for trial in study.trials}
+        folder = None if kept is None else kept.folder
+        tasks = [
+            Task(self.path, trial, folder, self._reader, late_s)
+            for trial in study.trials
+            if found[trial.id] is None
+        ]
+        self.tell(f"{len(found)} trials, {len(found) - len(tasks)} of them known already")
+        done = _each(study, tasks, self._workers, self._cluster, self.tell)
+        for count, (task, outcome) in enumerate(done, 1):
+            found[task.trial.id] = _reading_of(task.trial, outcome)
+            if count * 20 // len(tasks) > (count - 1) * 20 // len(tasks):
+                self.tell(f"{count} of {len(tasks)} trials observed")
+        readings = [each for each in found.values() if each is not None]
+        if tasks:
+            contents.keep(readings)
+        return readings
 
 
 def _earlier(reading: Reading, late_s: float) -> Reading:

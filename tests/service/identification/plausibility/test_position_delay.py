@@ -10,7 +10,9 @@ import pytest
 from tests.blind.generator import Case, Design, Seeds, make_study
 from tests.service.identification.plausibility.slips import record_of
 from tests.service.identification.trials import STUDY, Made, trial
+from typer.testing import CliRunner
 
+from frictus_service.cli.app import app
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
 from frictus_service.identification.plausibility.judge import judge_study
@@ -100,6 +102,23 @@ def test_what_a_study_says_is_not_corrected(lifelike: Lifelike, tmp_path: Path) 
     path = written(tmp_path / "study.h5", lifelike, says_s=0.0)
     (finding,) = judge_study(records_of(read_study(path, OBSERVER, workers=0)))
     assert finding.code == "position_delay"
+
+
+def test_the_finger_of_a_study_is_followed_without_the_delay(
+    lifelike: Lifelike, records: list[TrialRecord], tmp_path: Path
+) -> None:
+    found_s = sensor_delay_s(records)
+    someone = lifelike[0][0].info.participant
+    silent = written(tmp_path / "silent.h5", lifelike)
+    says = written(tmp_path / "says.h5", lifelike, found_s)
+    asked = ("--participant", someone, "--json")
+    without, stated, late = (
+        CliRunner().invoke(app, ["track", str(path), *asked])
+        for path in (silent, says, written(tmp_path / "late.h5", lifelike, says_s=0.0))
+    )
+    assert f"positions come {1e3 * found_s:.1f} ms late: read without it" in without.stderr
+    assert "late" not in stated.stderr + late.stderr
+    assert without.stdout == stated.stdout != late.stdout
 
 
 Delay = Callable[[TrialRecord], float]
