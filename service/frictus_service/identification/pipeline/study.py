@@ -28,8 +28,6 @@ from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 TRIALS_PER_WORKER: Final = 30
 """A process takes longer to start than so many trials take."""
-
-
 STATISTICS: Final = "statistics"
 """Name of the table that holds the statistics of a trial."""
 

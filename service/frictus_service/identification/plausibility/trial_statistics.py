@@ -163,7 +163,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         shared,
         skin_power,
         late_by_skin_s,
-        friction_delay_s(trial, course),
+        friction_delay_s(force_n, rate_hz, course),
         0.0,
         _clipped(trial),
     )

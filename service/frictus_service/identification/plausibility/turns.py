@@ -8,7 +8,6 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.observe import PRESSED_SHARE, FingerTrajectory
 from frictus_service.identification.observation.sweeps import TouchMotion
-from frictus_service.study.trial import Trial
 
 DELAYS_S: Final = np.linspace(-0.1, 0.1, 41)
 """By which positions may follow."""
@@ -68,7 +67,7 @@ def delay_of(reference: FloatArray, shifted: FloatArray, alike: float) -> tuple[
     return float(DELAYS_S[best] + offset * (DELAYS_S[1] - DELAYS_S[0])), float(here)
 
 
-def friction_delay_s(trial: Trial, course: FingerTrajectory) -> float:
+def friction_delay_s(force_n: FloatArray, rate_hz: float, course: FingerTrajectory) -> float:
     """Return by how much positions follow friction, which turns as the finger does.
 
     Friction over load is compared with the sign of the velocity. Where friction that stays at
@@ -77,8 +76,10 @@ def friction_delay_s(trial: Trial, course: FingerTrajectory) -> float:
 
     Parameters
     ----------
-    trial : Trial
-        As it was recorded.
+    force_n : ndarray, shape (3, n_samples)
+        Of a trial; NaN where it is unknown.
+    rate_hz : float
+        Of the samples.
     course : FingerTrajectory
         Of the finger in the trial.
 
@@ -88,22 +89,22 @@ def friction_delay_s(trial: Trial, course: FingerTrajectory) -> float:
         In s; NaN where the finger does not turn, friction does not follow it, or reports are
         slower than 40 Hz.
     """
-    motion, rate_hz = course.motion, trial.info.sample_rate_hz
+    motion = course.motion
     if not often_reported(motion):
         return np.nan
     block = max(round(BLOCK_S * rate_hz), 1)
-    count = trial.force_n.shape[0] // block
-    mean_n = trial.force_n[: count * block].reshape(count, block, 3).mean(axis=1)
+    count = force_n.shape[1] // block
+    mean_n = force_n[:, : count * block].reshape(3, count, block).mean(axis=2)
     time_s = (np.arange(count) + 0.5) * block / rate_hz
-    normal_n = mean_n[:, 2]
-    known = np.isfinite(mean_n).all(axis=1)
+    normal_n = mean_n[2]
+    known = np.isfinite(mean_n).all(axis=0)
     known &= (time_s >= motion.time_s[0] + DELAYS_S[-1]) & (
         time_s <= motion.time_s[-1] + DELAYS_S[0]
     )
     if not known.any():
         return np.nan
     known &= normal_n > PRESSED_SHARE * np.median(normal_n[known])
-    friction = mean_n[known, 0] / normal_n[known]
+    friction = mean_n[0, known] / normal_n[known]
     velocity_mm_s = motion.velocity_mm_s[:, 0]
     lost = np.tanh(velocity_mm_s / TURNS_WITHIN_MM_S)
     if not (lost.min() < -TURNED and lost.max() > TURNED):

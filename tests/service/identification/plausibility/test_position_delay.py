@@ -187,6 +187,10 @@ def test_friction_alone_tells_the_delay(lifelike: Lifelike, tmp_path: Path) -> N
     assert finding.value == pytest.approx(1e3 * LATE_S, abs=2.0)
 
 
+def by_friction_s(made: Trial) -> float:
+    return friction_delay_s(made.force_n.T, made.info.sample_rate_hz, course_of(made))
+
+
 @pytest.mark.parametrize("late_s", [0.0, 0.025, 0.06])
 @pytest.mark.parametrize("speed_mm_s", [50.0, 100.0])
 def test_friction_tells_the_delay_of_strokes(
@@ -194,7 +198,7 @@ def test_friction_tells_the_delay_of_strokes(
 ) -> None:
     made = trial(Made((100.0,), speed_mm_s, seconds=3.0, span_mm=0.6 * speed_mm_s), rng)
     late = replace(made, position_t_s=made.position_t_s + late_s, accel_m_s2=None)
-    assert friction_delay_s(late, course_of(late)) == pytest.approx(late_s, abs=2e-3)
+    assert by_friction_s(late) == pytest.approx(late_s, abs=2e-3)
 
 
 def test_few_reports_tell_nothing(rng: np.random.Generator) -> None:
@@ -202,7 +206,7 @@ def test_few_reports_tell_nothing(rng: np.random.Generator) -> None:
     spacing_s = float(np.median(np.diff(made.position_t_s)))
     few = slice(None, None, round(1.0 / 30.0 / spacing_s))
     rare = replace(made, position_mm=made.position_mm[few], position_t_s=made.position_t_s[few])
-    assert np.isfinite(friction_delay_s(made, course_of(made)))
+    assert np.isfinite(by_friction_s(made))
     said = record_of(rare, STUDY).statistics
     assert np.isnan([said.late_by_friction_s, said.late_by_skin_s]).all()
 
@@ -233,4 +237,4 @@ def test_friction_that_keeps_its_sign_at_rest_tells_nothing(
     rests_s: float, late_s: float, rng: np.random.Generator
 ) -> None:
     made = resting(rests_s, late_s, rng)
-    assert np.isnan(friction_delay_s(made, course_of(made)))
+    assert np.isnan(by_friction_s(made))
