@@ -36,6 +36,11 @@ late, which had causes named that are not there in three of the first 30: a diff
 directions, beside a gain that changes along the stroke, and what depends on speed. The delay is
 told by the nail (and, of later code, by friction), and taken off since: made again from their
 seeds, all three are exactly the truth. 39 lines of `lifelike` are of fresh seeds and that code.
+`faulty`: the same people on a rig with one fault that its file does not tell: touch positions
+that are smoothed (50 ms), stamped up to 16 ms late by chance, of a clock that starts up to
+20 ms apart in each trial, lacking (15 %, and gaps) or in whole millimetres; forces with 5 % of
+each axis in the others, offsets that wander (0.02 and 0.05 N in a trial) or steps of 0.02 N.
+Half hide a cause.
 
 Lines are of the code of their day. `skin` (mobility; a mode of 150 to 700 Hz), `early`, `noise`
 (driven by noise in place of tones) and the two studies of which an analysis had ended in an

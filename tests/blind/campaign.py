@@ -40,6 +40,7 @@ REPEATS: Final = {
     "skin": 20,
     "early": 10,
     "lifelike": 4,
+    "faulty": 4,
 }
 """Of each name of a kind."""
 

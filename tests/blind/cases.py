@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from tests.blind.generator.case import Case, Design, Hidden
+from tests.blind.generator.faults import FAULTS
 from tests.blind.generator.people import SECOND_MODE
 
 REALISTIC: Final[Mapping[str, dict[str, float]]] = {
@@ -173,6 +174,13 @@ def _lifelike(which: str, rng: np.random.Generator) -> Case:
     return Case("lifelike", (cause(which, 1.0, rng),) if which else (), design)
 
 
+def _faulty(fault: str, rng: np.random.Generator) -> Case:
+    """Return a lifelike study with a fault of the rig; half of them hide a cause, too."""
+    hides = rng.uniform() < 0.5
+    drawn = _lifelike(str(rng.choice(list(REALISTIC))) if hides else "", rng)
+    return Case("faulty", drawn.hidden, replace(drawn.design, fault=fault))
+
+
 Draw = Callable[[str, np.random.Generator], Case]
 
 KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
@@ -198,6 +206,7 @@ KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
         lambda which, rng: Case("early", (cause(which, 1.0, rng, sign=-1.0),)),
     ),
     "lifelike": (("", *REALISTIC), _lifelike),
+    "faulty": (tuple(FAULTS), _faulty),
 }
 """By name: what may be asked for, and how a case is drawn."""
 

@@ -98,6 +98,7 @@ def rates(lines: Iterable[Line]) -> list[Rate]:
         # No design of theirs tells a delay from a roll-off: `one_recording` counts intervals.
         _count("early: channel_delay found", of("early"), _all_found, least=0.80),
         *_lifelike(of("lifelike")),
+        *_faulty(of("faulty")),
         _coverage([*of("single"), *of("pair")]),
         *_gains(of("single"), of("pair")),
     ]
@@ -118,6 +119,10 @@ def _all_found(line: Line) -> bool:
     return all(line["score"]["found"].values())
 
 
+def _is_clean(line: Line) -> bool:
+    return bool(line["score"]["verdict"] == "clean")
+
+
 def _accuses(line: Line) -> bool:
     """Return whether something is named that is not there, alone or in a pair."""
     return bool(line["score"]["false"] or line["score"]["false_pairs"])
@@ -130,7 +135,7 @@ def _is_sure_and_wrong(line: Line) -> bool:
 def _nulls(lines: Sequence[Line]) -> list[Rate]:
     return [
         _count("null: a cause named", lines, _accuses, most=0.05, chance=True),
-        _count("null: clean", lines, lambda x: x["score"]["verdict"] == "clean", least=0.90),
+        _count("null: clean", lines, _is_clean, least=0.90),
     ]
 
 
@@ -244,6 +249,18 @@ def _lifelike(lines: Sequence[Line]) -> list[Rate]:
             least=0.90,
             chance=True,
         ),
+    ]
+
+
+def _faulty(lines: Sequence[Line]) -> list[Rate]:
+    """Return how studies are judged of a rig with a fault that is none of the causes."""
+    nothing = [line for line in lines if not line["case"]["hidden"]]
+    hidden = [line for line in lines if line["case"]["hidden"]]
+    return [
+        _count("faulty rig, null: a cause named", nothing, _accuses, most=0.05, chance=True),
+        _count("faulty rig, null: clean", nothing, _is_clean, least=0.90, chance=True),
+        _count("faulty rig: the cause found", hidden, _all_found),
+        _count("faulty rig: a cause confirmed that is not there", lines, _is_sure_and_wrong),
     ]
 
 

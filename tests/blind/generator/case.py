@@ -46,6 +46,8 @@ class Design:
     lifelike : bool
         Turns of minimum jerk, with pauses; touch reports that are late; tones of each person's
         own; a fifth of the trials missing; a gain that wanders from trial to trial.
+    fault : str
+        Of the instruments, one of `faults.FAULTS`; empty: none.
     """
 
     participants: int = 12
@@ -59,6 +61,7 @@ class Design:
     order: Order = "random"
     base: Literal["paper", "constant_cutoff"] = "paper"
     lifelike: bool = False
+    fault: str = ""
 
 
 @dataclass(frozen=True, slots=True)

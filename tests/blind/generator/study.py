@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import signal
 from tests.blind.generator.case import Case
+from tests.blind.generator.faults import FAULTS
 from tests.blind.generator.people import Person, Spread, draw_person
 from tests.blind.generator.plan import (
     EVERY_S,
@@ -93,6 +94,7 @@ def make_study(
         for number in range(design.participants)
     ]
     rng = np.random.default_rng(seeds.trials)
+    of_faults = np.random.default_rng([seeds.trials, 1])
     began = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=int(rng.integers(2000)))
     with StudyWriter(path, study_info()) as writer:
         for person in people:
@@ -104,7 +106,10 @@ def make_study(
             for trial, contact in zip(planned, contacts, strict=True):
                 samples = run(trial, person, contact, design, sensors, rng)
                 asked = _asked(trial, person, began, rng)
-                writer.add(_trial(asked, samples, sensors), STEPS)
+                made = _trial(asked, samples, sensors)
+                if design.fault:
+                    made = FAULTS[design.fault](made, of_faults)
+                writer.add(made, STEPS)
     tones_hz, speeds_mm_s, forces_n = levels
     return {
         "tones_hz": tones_hz,
