@@ -4,16 +4,15 @@ import atexit
 import os
 import secrets
 import socket
-from types import TracebackType
-from typing import Final, NamedTuple, Self, cast
+from typing import Final, NamedTuple, cast
 
 import zenoh
 
 from frictus.calls import await_present, present_rigs
+from frictus.closing import Closing, Held
 from frictus.errors import ArgumentError, FrameError
 from frictus.keys import RigKeys, any_rig_alive, rig_of
 from frictus.mailbox import Arrival
-from frictus.readings import Held
 from frictus.reception import Declared, Feed, OnSample
 from frictus.rig import Rig
 from frictus.session import DEFAULT_ROUTER, LEASE_MS, PATIENT_LEASE_MS, open_session
@@ -37,7 +36,7 @@ class Presence(NamedTuple):
     present: bool
 
 
-class Client:
+class Client(Closing):
     """A connection to the rigs behind one router. Made by `connect`; a context manager.
 
     All methods may be called from any thread.
@@ -149,19 +148,6 @@ class Client:
             for rig in self._rigs.values():
                 rig.close()
             self._held.close()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def _presence(arrival: Arrival) -> list[Presence]:

@@ -10,12 +10,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from types import TracebackType
 from typing import Final, Generic, Protocol, Self, TypeAlias, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
 
+from frictus.closing import Closing
 from frictus.errors import FrameError, LinkError, OutdatedStateError
 from frictus.mailbox import Arrival, EndedError, Mailbox, silence
 
@@ -35,7 +35,7 @@ OnSample: TypeAlias = "Callback[zenoh.Sample]"
 Declare: TypeAlias = Callable[[OnSample], Declared]
 
 
-class Feed(Generic[T]):
+class Feed(Closing, Generic[T]):
     """What arrives under a key, in order: use it in ``for`` or in ``async for``.
 
     A feed receives from the moment it is made until `close`, which ends the iteration; it is a
@@ -158,29 +158,11 @@ class Feed(Generic[T]):
             raise StopAsyncIteration from None
         return self._ready.popleft()
 
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
-
     async def __aenter__(self) -> Self:
         """Return self."""
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Close."""
         self.close()
 

@@ -5,6 +5,7 @@ from typing import Final, Literal, TypeVar
 import zenoh
 
 from frictus.calls import no_recorder, present_rigs
+from frictus.closing import Held, close_all
 from frictus.errors import ArgumentError, LinkError, SilenceError
 from frictus.gaps import BlockFeed
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
@@ -23,7 +24,7 @@ from frictus.messages import (
     TimeState,
     TouchState,
 )
-from frictus.readings import Held, Readings, close_all
+from frictus.readings import Readings
 from frictus.reception import Feed
 
 StreamName = Literal["force", "accel", "voltage", "truth", "aux", "render"]

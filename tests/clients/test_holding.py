@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from frictus.closing import Held, close_all
 from frictus.errors import LinkError
-from frictus.readings import Held, close_all
 
 
 class Thing:

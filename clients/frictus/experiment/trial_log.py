@@ -3,9 +3,9 @@
 import json
 import os
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
+from frictus.closing import Closing
 from frictus.errors import ArgumentError, NotLoggedError
 from frictus.files import read_bounded, require_file
 
@@ -59,7 +59,7 @@ def read_log(path: Path) -> tuple[list[dict[str, Any]], int]:
     return rows, whole_bytes
 
 
-class TrialLog:
+class TrialLog(Closing):
     """Appends rows to a log; a context manager.
 
     A line that a crash tore is cut off when the log is opened: its trial was not finished.
@@ -141,19 +141,6 @@ class TrialLog:
     def close(self) -> None:
         """Close the file. Closing twice is harmless."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def _sync_folder(folder: Path) -> None:

@@ -7,8 +7,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import foxglove
 from foxglove.websocket import ChannelView, ServerListener
@@ -16,6 +15,7 @@ from foxglove.websocket import Client as Viewer
 
 from frictus.block import Block
 from frictus.client import Client
+from frictus.closing import Closing
 from frictus.keys import AUX, CHANNELS, STREAMS, Topic, Topics
 from frictus.messages import RigStatus, TimeState
 from frictus.rig import Rig
@@ -101,7 +101,7 @@ class Subscriptions(ServerListener):
         self._held.discard((client.id, channel.topic))
 
 
-class FoxgloveBridge:
+class FoxgloveBridge(Closing):
     """Serves what a rig publishes while `turn` is called; a context manager.
 
     Parameters
@@ -276,16 +276,3 @@ class FoxgloveBridge:
         self._intake.close()
         self._presence.close()
         self._server.stop()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()

@@ -4,14 +4,14 @@ import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 import pylsl
 
 from frictus.block import Block
 from frictus.client import Client
+from frictus.closing import Closing
 from frictus.gaps import BlockFeed, Gap
 from frictus.keys import Topics
 from frictus.messages import FingerState, MarkerState, Message, TimeState
@@ -65,7 +65,7 @@ class BridgeReport:
     cpu_percent: float
 
 
-class LslBridge:
+class LslBridge(Closing):
     """Sends what a rig publishes to LSL while `turn` is called; a context manager.
 
     Parameters
@@ -220,19 +220,6 @@ class LslBridge:
         self._held.close()
         self._outlets.clear()
         self._markers.close()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def _publishing(publisher: Any) -> Callable[[MarkerState], None]:

@@ -4,11 +4,11 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import pylsl
 
+from frictus.closing import Closing
 from frictus.messages import (
     MAX_MARKER,
     GuidanceState,
@@ -84,7 +84,7 @@ CORRECTION_S: Final = 5.0
 """Longest wait for how far the other machine's clock is off."""
 
 
-class MarkerInlet:
+class MarkerInlet(Closing):
     """Follows an LSL stream by its name until it is closed; a context manager.
 
     Parameters
@@ -145,19 +145,6 @@ class MarkerInlet:
         """Stop following."""
         self._over.set()
         self._thread.join()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def _text(value: object) -> str:

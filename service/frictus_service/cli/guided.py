@@ -1,7 +1,6 @@
 """Guidance and progress of a calibration on a terminal."""
 
 import threading
-from types import TracebackType
 from typing import Final, Self
 
 from rich.console import Group
@@ -71,12 +70,7 @@ class Watching:
             self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give the terminal back; the last picture stays."""
         self._feed.close()
         if self._live is not None:

@@ -9,13 +9,13 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from mcap.records import Channel
 from mcap.records import Message as Stored
 from pydantic import ValidationError
 
+from frictus.closing import Closing
 from frictus.errors import FrameError
 from frictus.files import require_file
 from frictus.keys import STREAMS
@@ -102,7 +102,7 @@ class Ending:
         )
 
 
-class RecordingReader:
+class RecordingReader(Closing):
     """One recording, open for reading; a context manager.
 
     Parameters
@@ -180,19 +180,6 @@ class RecordingReader:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
     def _read_info(self) -> RecordingInfo:
         """Read up to the first chunk: everything that does not change stands before it."""

@@ -5,7 +5,6 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Final, Self
 
 import zenoh
@@ -193,12 +192,7 @@ class Recorder:
         """Return self."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End what is recorded, and leave."""
         if self._recording is not None:
             self._recording.end("the recorder was stopped")

@@ -17,6 +17,7 @@ import zenoh
 import frictus
 from frictus.block import Block
 from frictus.client import RigName
+from frictus.closing import Closing
 from frictus.errors import FrameError
 from frictus.gaps import BlockFeed, Gap
 from frictus.keys import STREAMS, RigKeys, Topic
@@ -56,7 +57,7 @@ class Sink(Protocol):
         """Take samples."""
 
 
-class Intake:
+class Intake(Closing):
     """Follows a rig's streams and states until it is closed; a context manager.
 
     Parameters
@@ -164,19 +165,6 @@ class Intake:
             blocks.close()
         for states in self._states.values():
             states.close()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def _came(topic: Topic, arrival: Arrival) -> list[_Came]:

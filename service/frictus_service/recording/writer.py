@@ -10,12 +10,12 @@ import os
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, BinaryIO, Final
 
 from mcap.writer import CompressionType, IndexType, Writer
 
 from frictus.block import Block
+from frictus.closing import Closing
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
 from frictus_service.durable import put_in_free_place, sync_folder
@@ -57,7 +57,7 @@ STATES: Final = (
 """Topics whose messages are recorded as they came."""
 
 
-class RecordingWriter:
+class RecordingWriter(Closing):
     """One recording under way; a context manager that leaves the file closed but not ended.
 
     Parameters
@@ -209,19 +209,6 @@ class RecordingWriter:
         self._size = self.bytes_written
         with contextlib.suppress(OSError):  # what could not be written is reported already
             self._file.close()
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
     def _begin(self, attachments: Mapping[str, bytes]) -> None:
         self._writer.start(PROFILE, self.info.software)

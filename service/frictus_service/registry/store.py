@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Any, Final, Literal, Self
+from typing import Any, Final, Literal
 
 from pydantic import ValidationError
 from sqlalchemy import Column, Connection, Row, insert, select
 
+from frictus.closing import Closing
 from frictus.errors import explain
 from frictus.model import Model
 from frictus_service.errors import (
@@ -33,7 +33,7 @@ from frictus_service.registry.tables import aliases, calibrations, model_names, 
 _SUMMARY: Final[list[Column[Any]]] = [models.c[field] for field in VersionSummary.model_fields]
 
 
-class Registry:
+class Registry(Closing):
     """Models by name and version; any thread and any number of processes may use it.
 
     Nothing is opened, and no file is made, before its first use.
@@ -68,19 +68,6 @@ class Registry:
         self.activations = Activations(self.database, clock_ns)
         self.calibrations = Calibrations(self.database, clock_ns)
         self._clock_ns = clock_ns
-
-    def __enter__(self) -> Self:
-        """Return self."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
     def close(self) -> None:
         """Close the database."""

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self, cast
+from typing import Any, Literal, cast
 
 import h5py
 import numpy as np
 
+from frictus.closing import Closing
 from frictus.errors import printable
 from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import Exclusion, FieldError, StudyError, TrialError
@@ -203,7 +204,7 @@ def _check_hash(held: Mapping[str, Any], found: str) -> None:
         )
 
 
-class StudyReader:
+class StudyReader(Closing):
     """An open `study/1` file; a context manager.
 
     Opening reads the root alone. `trials` and `excluded` read the attributes of all trials when
@@ -239,14 +240,6 @@ class StudyReader:
         except FieldError as error:
             self._file.close()
             raise StudyError(f"{self.path}, root, {error}") from error
-
-    def __enter__(self) -> Self:
-        """Return the reader."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the file."""
-        self.close()
 
     def close(self) -> None:
         """Close the file."""

@@ -6,15 +6,13 @@ finger where it no longer is. So it begins short, and grows by what was missing.
 """
 
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Backend, Exchange, GrowingLead, RigInfo
+from frictus_hardware.base import Backend, Exchange, GrowingLead, Opened, RigInfo
 from frictus_hardware.errors import ConfigError, StreamLostError, TransientError
 
 
-class RetryingBackend:
+class RetryingBackend(Opened):
     """Passes blocks on to a backend and repeats those it could not take at once.
 
     The same block is offered again: rendering it anew would tear the finger's motion and the
@@ -107,20 +105,6 @@ class RetryingBackend:
     def close(self) -> None:
         """See `Backend`."""
         self.inner.close()
-
-    def __enter__(self) -> Self:
-        """Open and return self."""
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close, whatever happened."""
-        self.close()
 
 
 def grown_lead(

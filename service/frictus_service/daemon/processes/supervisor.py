@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import wait
-from types import TracebackType
 from typing import Final, Self
 
 import zenoh
@@ -166,12 +165,7 @@ class Supervisor:
         self._watcher.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop the parts in order: the output ramps to zero before the router goes."""
         self._stopping.set()
         self._watcher.join()
