@@ -1,5 +1,6 @@
 """Every error the service raises on purpose; each is also the natural builtin."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -261,6 +262,20 @@ class ExportError(RecordingError):
 def unusable(path: Path, reason: str) -> RecordingError:
     """Return the error of a file that is no recording from its very beginning."""
     return RecordingError(f"{path}: {reason}")
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Return names as a sentence has them: the first ones, and how many more there are.
+
+    Parameters
+    ----------
+    names : sequence of str
+        In the order in which they are told.
+    most : int
+        That are told.
+    """
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 class SecurityError(ServiceError):

@@ -20,7 +20,7 @@ from frictus_service.data_import.sampling import (
     on_grid,
     signed_counts,
 )
-from frictus_service.errors import FieldError
+from frictus_service.errors import FieldError, listed
 
 END_TOLERANCE: Final = 0.02
 """Of the length of the recording by which channels may end apart."""
@@ -359,9 +359,7 @@ class _Mapped:
         return found
 
     def _listed(self) -> str:
-        names = [repr(name) for name in self._columns]
-        more = f" and {len(names) - 20} more" if len(names) > 20 else ""
-        return ", ".join(names[:20]) + more
+        return listed([repr(name) for name in self._columns], 20)
 
 
 def _kept(column: Column, mapped: MappedColumn) -> FloatArray:

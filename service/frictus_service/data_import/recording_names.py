@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from frictus_service.data_import.formats.columns import Columns
-from frictus_service.errors import FieldError
+from frictus_service.errors import FieldError, listed
 
 NUMBER: Final = r"\d{1,9}(?:[.,p]\d{1,9})?"
 ENTRIES: Final = {
@@ -181,11 +181,10 @@ def propose_people(recordings: Mapping[str, Columns], file: str) -> ProposedPeop
         entry, value = "names", template
         said = [str(said_by(template, place)["participant"]) for place in places]
     people = list(dict.fromkeys(said))
-    more = f" and {len(people) - MOST_TOLD} more" if len(people) > MOST_TOLD else ""
     return ProposedPeople(
         entry,
         value,
-        f"participants are read by {entry} {value}: {', '.join(people[:MOST_TOLD])}{more} (set "
+        f"participants are read by {entry} {value}: {listed(people, MOST_TOLD)} (set "
         "participant where these are no people)",
     )
 

@@ -24,6 +24,7 @@ from frictus_service.errors import (
     DiscoveryCancelledError,
     UnknownDiscoveryError,
     UnknownStudyError,
+    listed,
 )
 from frictus_service.job_folder import FolderJob, JobFolder
 
@@ -238,12 +239,8 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         except OSError as error:
             if error.errno != errno.ENAMETOOLONG:
                 raise
-        known = sorted(self.studies())
-        listed = ", ".join(known[:_MOST_LISTED]) or "none"
-        more = f" and {len(known) - _MOST_LISTED} more" if len(known) > _MOST_LISTED else ""
-        raise UnknownStudyError(
-            f"no study {name!r} in the folder of studies; there: {listed}{more}"
-        )
+        there = listed(sorted(self.studies()), _MOST_LISTED) or "none"
+        raise UnknownStudyError(f"no study {name!r} in the folder of studies; there: {there}")
 
     def studies(self) -> dict[str, Path]:
         """Return the studies that a discovery can name, and their absolute paths."""

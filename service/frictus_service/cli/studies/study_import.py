@@ -137,6 +137,7 @@ def _refuse_known_layouts(file: Path) -> None:
 def _describe(file: Path, columns: "Columns", proposal: "Proposal") -> None:
     from frictus_service.data_import.recording import mapped_of
     from frictus_service.data_import.recordings_in_file import groups_of
+    from frictus_service.errors import listed
 
     _tell(f"{file}: {columns.format}, {len(columns.columns)} columns")
     mapped = {each.column for each in proposal.column_map.channels.values()}
@@ -146,8 +147,7 @@ def _describe(file: Path, columns: "Columns", proposal: "Proposal") -> None:
     names = dict.fromkeys(column.name for part in parts for column in part.columns)
     left = [name for name in names if name not in mapped]
     if left:
-        more = f" and {len(left) - MOST_SHOWN} more" if len(left) > MOST_SHOWN else ""
-        _tell(f"  not used: {', '.join(left[:MOST_SHOWN])}{more}")
+        _tell(f"  not used: {listed(left, MOST_SHOWN)}")
     for reason in proposal.reasons:
         _tell(f"  {reason}")
 
