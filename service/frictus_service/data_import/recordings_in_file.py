@@ -69,16 +69,16 @@ def groups_of(columns: Columns) -> dict[str, Columns]:
     for name, text in columns.texts.items():
         holder, _, last = name.rpartition(".")
         texts[holder][last] = text
+    numbers: dict[str, dict[str, float]] = {group: {} for group in groups}
+    for name, value in columns.numbers.items():
+        for holder in _holders(name.rpartition(".")[0]):
+            if holder in numbers:
+                numbers[holder][name.removeprefix(f"{holder}.")] = value
     for group in groups:
-        own = {
-            name.removeprefix(f"{group}."): value
-            for name, value in columns.numbers.items()
-            if name.startswith(f"{group}.")
-        }
         found[group] = replace(
             columns,
             columns=tuple(members[group]),
-            numbers=of_all | own,
+            numbers=of_all | numbers[group],
             notes=(*columns.notes, *told),
             texts=dict(ChainMap(*(texts[holder] for holder in _holders(group)))),
         )
