@@ -12,7 +12,7 @@ from fastapi.responses import Response
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
 from frictus import errors
 from frictus.errors import (
@@ -25,6 +25,7 @@ from frictus.errors import (
     TextureError,
 )
 from frictus_service import errors as service
+from frictus_service.api.http_forms import Middleware
 from frictus_service.api.problems import (
     REFUSALS,
     ApiError,
@@ -149,19 +150,11 @@ def install(app: FastAPI) -> None:
         app.add_exception_handler(foreign, answer)
 
 
-class Departures:
+class Departures(Middleware):
     """ASGI middleware: a client that leaves its stream of events is no fault of the server.
 
     FastAPI then raises what its keep-alive met, an end of its own stream.
-
-    Parameters
-    ----------
-    app : ASGIApp
-        What is behind it.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request until its client has all of the answer, or has left."""
@@ -171,19 +164,11 @@ class Departures:
             _LOG.info("%s: its client left", scope["path"])
 
 
-class UnsatisfiableRanges:
+class UnsatisfiableRanges(Middleware):
     """ASGI middleware: a `Range` that a file does not have is answered with a problem.
 
     Starlette answers with bare text, 400 where the header cannot be read.
-
-    Parameters
-    ----------
-    app : ASGIApp
-        What is behind it.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request."""

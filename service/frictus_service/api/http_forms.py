@@ -13,11 +13,8 @@ _ABSOLUTE: Final = re.compile(rb"(?i:https?|wss?)://([^/]+)(/.*)?")
 """Target of a request, before its query: the host that it is for, and the path."""
 
 
-class AbsoluteTargets:
-    """ASGI middleware: a target such as ``http://HOST/v1/health`` is served as its path.
-
-    So RFC 9112, section 3.2.2: every server accepts what clients send to proxies, and the host
-    that the target names counts, not that of the header.
+class Middleware:
+    """ASGI middleware.
 
     Parameters
     ----------
@@ -27,6 +24,14 @@ class AbsoluteTargets:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
+
+
+class AbsoluteTargets(Middleware):
+    """ASGI middleware: a target such as ``http://HOST/v1/health`` is served as its path.
+
+    So RFC 9112, section 3.2.2: every server accepts what clients send to proxies, and the host
+    that the target names counts, not that of the header.
+    """
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request."""
@@ -37,20 +42,12 @@ class AbsoluteTargets:
         await self._app(scope, receive, send)
 
 
-class Heads:
+class Heads(Middleware):
     """ASGI middleware: a HEAD is worked out as a GET, as far as the head of its answer.
 
     So RFC 9110, section 9.3.2; FastAPI's routes, unlike Starlette's, know only the methods that
     they declare.
-
-    Parameters
-    ----------
-    app : ASGIApp
-        What is behind it.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request."""
