@@ -1,6 +1,7 @@
-"""Files that anybody may have named: read whole, bounded, and never from what has no end."""
+"""Files that anybody may have named, read bounded and whole; names that the disk is to keep."""
 
 import errno
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -80,3 +81,20 @@ def read_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError as error:
         raise ValueError("lists or tables within each other, too deep") from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the disk keep the names in a folder; Windows does so with the files.
+
+    Parameters
+    ----------
+    folder : Path
+        Not below it.
+    """
+    if os.name != "posix":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from frictus.files import sync_folder
 from frictus_service.errors import StudyError
 
 LEFT_S: Final = 86_400.0
@@ -125,17 +126,6 @@ def left_behind(folder: Path, prefix: str) -> Iterator[Path]:
         with contextlib.suppress(FileNotFoundError):  # it has just been finished
             if time.time() - left.lstat().st_mtime > LEFT_S:
                 yield left
-
-
-def sync_folder(folder: Path) -> None:
-    """Have the disk keep the names in a folder; Windows does so with the files."""
-    if os.name != "posix":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager

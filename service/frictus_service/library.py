@@ -16,10 +16,11 @@ from typing import Final
 from pydantic import TypeAdapter, ValidationError
 
 from frictus.errors import UnreadableFileError
+from frictus.files import sync_folder
 from frictus.keys import RESERVED
 from frictus.textures import Texture
 from frictus_service import json_text
-from frictus_service.durable import replace_file, sync_folder
+from frictus_service.durable import replace_file
 from frictus_service.errors import ServiceError
 
 SHIPPED: Final = Path(__file__).parent / "textures"

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from frictus.closing import Closing
 from frictus.errors import ArgumentError, NotLoggedError
-from frictus.files import read_bounded, require_file
+from frictus.files import read_bounded, require_file, sync_folder
 
 FORMAT: Final = "frictus-experiment/1"
 MAX_LOG_BYTES: Final = 200_000_000
@@ -83,7 +83,7 @@ class TrialLog(Closing):
             self.rows, whole_bytes = read_log(path)
             self._file.truncate(whole_bytes)
             self._whole_bytes = whole_bytes
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
         except BaseException:
             self._file.close()
             raise
@@ -141,14 +141,3 @@ class TrialLog(Closing):
     def close(self) -> None:
         """Close the file. Closing twice is harmless."""
         self._file.close()
-
-
-def _sync_folder(folder: Path) -> None:
-    """Have the disk keep the name of a new file; Windows does so with the file."""
-    if os.name != "posix":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

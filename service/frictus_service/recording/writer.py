@@ -16,9 +16,10 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from frictus.block import Block
 from frictus.closing import Closing
+from frictus.files import sync_folder
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
-from frictus_service.durable import put_in_free_place, sync_folder
+from frictus_service.durable import put_in_free_place
 from frictus_service.errors import NotWrittenError
 from frictus_service.recording.plain_schema import plain_schema
 from frictus_service.recording.records import (
