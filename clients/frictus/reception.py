@@ -35,7 +35,29 @@ OnSample: TypeAlias = "Callback[zenoh.Sample]"
 Declare: TypeAlias = Callable[[OnSample], Declared]
 
 
-class Feed(Closing, Generic[T]):
+class _Subscription(Closing):
+    """A mailbox, and the subscriber that fills it."""
+
+    def __init__(self, declare: Declare, capacity: int) -> None:
+        self._mailbox = Mailbox(capacity)
+        # A direct callback: an indirect one needs a thread that outlives a forgotten close().
+        self._declared: Declared | None = declare(Callback(self._mailbox.put, indirect=False))
+
+    @property
+    def closed(self) -> bool:
+        """Whether it no longer receives."""
+        return self._declared is None
+
+    def close(self) -> None:
+        """Stop receiving; an iteration ends. Closing twice is harmless."""
+        self._mailbox.close()
+        declared, self._declared = self._declared, None
+        if declared is not None:
+            with contextlib.suppress(zenoh.ZError):  # the session went first
+                declared.undeclare()
+
+
+class Feed(_Subscription, Generic[T]):
     """What arrives under a key, in order: use it in ``for`` or in ``async for``.
 
     A feed receives from the moment it is made until `close`, which ends the iteration; it is a
@@ -65,26 +87,11 @@ class Feed(Closing, Generic[T]):
         capacity: int,
         timeout_s: float | None = None,
     ) -> None:
-        self._mailbox = Mailbox(capacity)
+        super().__init__(declare, capacity)
         self._decode = decode
         self._timeout_s = timeout_s
         self._ready: deque[T] = deque()
         self.unreadable = 0
-        # A direct callback: an indirect one needs a thread that outlives a forgotten close().
-        self._declared: Declared | None = declare(Callback(self._mailbox.put, indirect=False))
-
-    @property
-    def closed(self) -> bool:
-        """Whether the feed has ended."""
-        return self._declared is None
-
-    def close(self) -> None:
-        """Stop receiving and end the iteration. Closing twice is harmless."""
-        self._mailbox.close()
-        declared, self._declared = self._declared, None
-        if declared is not None:
-            with contextlib.suppress(zenoh.ZError):  # the session went first
-                declared.undeclare()
 
     def fail(self, error: Exception) -> None:
         """End the iteration with an error, for good; `drain` goes on.
@@ -185,7 +192,7 @@ def _utc_ns(value: object) -> int:
     return getattr(value, "utc_ns", None) or 0
 
 
-class Latest(Generic[T]):
+class Latest(_Subscription, Generic[T]):
     """The newest value under a key; also the one published before we came.
 
     Parameters
@@ -197,19 +204,13 @@ class Latest(Generic[T]):
     """
 
     def __init__(self, declare: Declare, decode: Callable[[Arrival], T]) -> None:
-        self._mailbox = Mailbox(1)
+        super().__init__(declare, 1)
         self._decode = decode
         self._value: T | None = None
         self._reading = threading.Lock()
         self._expected: Callable[[T], bool] | None = None
         self._expected_until_s = 0.0
         self._confirmed_ns = 0
-        self._declared: Declared | None = declare(Callback(self._mailbox.put, indirect=False))
-
-    @property
-    def closed(self) -> bool:
-        """Whether it no longer receives."""
-        return self._declared is None
 
     def expect(
         self,
@@ -302,11 +303,3 @@ class Latest(Generic[T]):
             if _utc_ns(self._value) < min(before_ns, self._confirmed_ns) - SET_BACK_NS:
                 self._expected = None  # this came later, whatever the clock says
         return self._value
-
-    def close(self) -> None:
-        """Stop receiving."""
-        self._mailbox.close()
-        declared, self._declared = self._declared, None
-        if declared is not None:
-            with contextlib.suppress(zenoh.ZError):  # the session went first
-                declared.undeclare()
