@@ -99,28 +99,10 @@ def subjects_of(rows: EvidenceRows, n_units: int) -> list[Subject]:
     n_units : int
         Participants, or blocks of their trials.
     """
-    return [_subject(rows, unit) for unit in range(n_units)]
-
-
-def _subject(study: EvidenceRows, unit: int) -> Subject:
-    own_trials = np.flatnonzero(study.unit_of_trial == unit)
-    place = np.full(study.unit_of_trial.size, -1)
-    place[own_trials] = np.arange(own_trials.size)
-    kept = np.flatnonzero(place[study.trial] >= 0)
-    trial, tone = place[study.trial[kept]], study.tone[kept]
-    measured = _part(study.measured, kept, own_trials)
-    return Subject(
-        rows=take(study.rows, kept),
-        trials=take(study.trials, own_trials),
-        tone=tone,
-        trial=trial,
-        measured=measured,
-        layout=lay_out(trial, tone, measured),
-        quiet_n2=_quiet(measured.low),
-        condition=study.condition_of_trial[own_trials],
-        target_mm_s=study.target_mm_s[own_trials],
-        target_n=study.target_n[own_trials],
-    )
+    return [
+        _with_trials(rows, rows.unit_of_trial == unit, rows.condition_of_trial)
+        for unit in range(n_units)
+    ]
 
 
 def part_of(subject: Subject, trials: BoolArray) -> Subject:
@@ -132,23 +114,32 @@ def part_of(subject: Subject, trials: BoolArray) -> Subject:
         The evidence of one unit.
     trials : ndarray of bool, shape (n_trials,)
     """
+    return _with_trials(subject, trials, subject.condition, subject.quiet_n2)
+
+
+def _with_trials(
+    source: EvidenceRows | Subject,
+    trials: BoolArray,
+    condition: IntArray,
+    quiet_n2: float | None = None,
+) -> Subject:
     kept = np.flatnonzero(trials)
     place = np.full(trials.size, -1)
     place[kept] = np.arange(kept.size)
-    rows = np.flatnonzero(place[subject.trial] >= 0)
-    trial, tone = place[subject.trial[rows]], subject.tone[rows]
-    measured = _part(subject.measured, rows, kept)
+    rows = np.flatnonzero(place[source.trial] >= 0)
+    trial, tone = place[source.trial[rows]], source.tone[rows]
+    measured = _part(source.measured, rows, kept)
     return Subject(
-        rows=take(subject.rows, rows),
-        trials=take(subject.trials, kept),
+        rows=take(source.rows, rows),
+        trials=take(source.trials, kept),
         tone=tone,
         trial=trial,
         measured=measured,
         layout=lay_out(trial, tone, measured),
-        quiet_n2=subject.quiet_n2,
-        condition=subject.condition[kept],
-        target_mm_s=subject.target_mm_s[kept],
-        target_n=subject.target_n[kept],
+        quiet_n2=_quiet(measured.low) if quiet_n2 is None else quiet_n2,
+        condition=condition[kept],
+        target_mm_s=source.target_mm_s[kept],
+        target_n=source.target_n[kept],
     )
 
 
