@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +24,6 @@ from tests.hardware.nidaq.panel import Panel
 from tests.hardware.nidaq.wired import section, sensor_volts
 
 import frictus
-from frictus.keys import Topics
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import cutoff_hz
 from frictus_hardware.physics.twin import Signals, Twin
@@ -32,6 +31,7 @@ from frictus_hardware.simulated.config import SimulatedConfig, SimulatedParticip
 from frictus_hardware.simulated.guided import GuidedFinger, GuidedStrokes
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.twin import make_twin
+from frictus_laboratory.benchmarks.processes import await_status
 from frictus_service.calibration.job import CalibrationSpec, Progress, QuickProtocol
 from frictus_service.calibration.run import run_calibration
 from frictus_service.config import Config
@@ -180,15 +180,6 @@ def rig(client: frictus.Client) -> frictus.Rig:
     return client.rig("rig1", wait_s=60.0)
 
 
-def until(rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool]) -> frictus.RigStatus:
-    with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
-        for state in states:
-            assert isinstance(state, frictus.RigStatus)
-            if holds(state):
-                return state
-    raise AssertionError("the feed has ended")
-
-
 def until_sensed(rig: frictus.Rig) -> None:
     """Wait until the device is back: samples come again."""
     with rig.blocks("force", timeout_s=60.0) as feed:
@@ -196,7 +187,7 @@ def until_sensed(rig: frictus.Rig) -> None:
 
 
 def test_a_texture_is_rendered_felt_and_recorded(service: Service, rig: frictus.Rig) -> None:
-    status = until(rig, lambda status: status.state == "disarmed")
+    status = await_status(rig, lambda status: status.state == "disarmed")
     assert (status.backend, status.finger_source) == ("nidaqmx", "touch")
     service.lab.ask(60.0, 0.4, (10.0, 60.0))
     rig.set_scene(TEXTURE)
@@ -212,7 +203,7 @@ def test_a_texture_is_rendered_felt_and_recorded(service: Service, rig: frictus.
     ended = rig.end_recording()
     assert ended.problem is None
     assert ended.lost_blocks == 0
-    status = until(rig, lambda status: status.state == "disarmed")
+    status = await_status(rig, lambda status: status.state == "disarmed")
     assert status.fault is None
     assert ended.path is not None
     _expect_the_finger_to_feel_it(Path(ended.path))
@@ -241,7 +232,7 @@ def test_a_killed_rig_leaves_the_device_at_zero(service: Service, rig: frictus.R
         suppress(frictus.FrictusError),
         rig.arm(2_000),
     ):  # nobody is there to be told of the end
-        until(rig, lambda status: status.state == "armed")
+        await_status(rig, lambda status: status.state == "armed")
         with rig.blocks("voltage", timeout_s=20.0) as feed:
             next(b for b in feed if isinstance(b, frictus.Block) and np.ptp(b.data) > 1.0)
         service.lab.lift()  # or there would be no tare when the rig starts again
@@ -250,7 +241,7 @@ def test_a_killed_rig_leaves_the_device_at_zero(service: Service, rig: frictus.R
     assert device.output_v == 0.0
     assert device.resets > resets
     service.wait_for("rig is ready")
-    until(rig, lambda status: status.state == "disarmed")
+    await_status(rig, lambda status: status.state == "disarmed")
 
 
 @pytest.mark.parametrize(("code", "kind"), [(-200290, "stream_lost"), (-88709, "device_lost")])
@@ -259,17 +250,17 @@ def test_a_fault_of_the_device_latches_and_the_rig_comes_back(
 ) -> None:
     service.lab.ask(60.0, 0.4, (10.0, 60.0))
     with rig.arm(2_000):
-        until(rig, lambda status: status.state == "armed")
+        await_status(rig, lambda status: status.state == "armed")
         until_sensed(rig)
         service.server.plan(Fault(code, "ReadAnalogF64"))
-        status = until(rig, lambda status: status.state == "tripped")
+        status = await_status(rig, lambda status: status.state == "tripped")
         assert status.fault is not None
         assert status.fault.kind == kind, status.fault.reason
         assert str(code) in status.fault.reason
         assert "The output is at 0 V" in status.fault.reason
     until_sensed(rig)
     rig.reset()
-    until(rig, lambda status: status.state == "disarmed")
+    await_status(rig, lambda status: status.state == "disarmed")
 
 
 def test_a_silent_link_ends_the_lease_and_comes_back(
@@ -278,16 +269,16 @@ def test_a_silent_link_ends_the_lease_and_comes_back(
     import grpc
 
     with rig.arm(2_000):
-        until(rig, lambda status: status.state == "armed")
+        await_status(rig, lambda status: status.state == "armed")
         until_sensed(rig)
         service.server.plan(Fault(grpc.StatusCode.UNAVAILABLE, "ReadAnalogF64"))
-        status = until(rig, lambda status: status.state != "armed")
+        status = await_status(rig, lambda status: status.state != "armed")
         assert status.fault is not None
         assert status.fault.kind == "link_lost"
     until_sensed(rig)
     with rig.arm(2_000):
-        until(rig, lambda status: status.state == "armed")
-    until(rig, lambda status: status.state == "disarmed")
+        await_status(rig, lambda status: status.state == "armed")
+    await_status(rig, lambda status: status.state == "disarmed")
 
 
 @pytest.mark.campaign

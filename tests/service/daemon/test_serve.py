@@ -1,31 +1,27 @@
 """A real supervisor, a real rig process, a real router: who dies, and what the screen gets."""
 
-import errno
 import os
 import queue
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from tests.patience import PATIENT_LEASE_MS
+from tests.service.daemon.whole_service import TEXTURE, blocks_of, config_with, driven
 
 import frictus
 from frictus.keys import Topics
 from frictus.messages import Counters
-from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
-from frictus_hardware.simulated.device_rig import launched, recent_output
+from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_laboratory.benchmarks.processes import await_status
+from frictus_service.config import Config
 from frictus_service.daemon.processes.supervisor import Supervisor
-from frictus_service.errors import StartError
-from frictus_service.processes import free_endpoint
 
 posix_signals = pytest.mark.skipif(
     sys.platform == "win32", reason="Windows has neither SIGSTOP nor SIGKILL for others"
@@ -33,7 +29,6 @@ posix_signals = pytest.mark.skipif(
 LEASE_MS = 300
 LIMIT_S = 0.1
 """From the moment the daemon can know to zero at the screen."""
-TEXTURE = frictus.Spectrum(components=[frictus.Component(amplitude_n=0.08, cycles_per_mm=1.0)])
 CLIENT = f"""
 import sys, time, frictus
 with frictus.connect(sys.argv[1], name="doomed") as client:
@@ -54,36 +49,6 @@ with frictus.connect(sys.argv[1], name="doomed") as client:
         print("armed", flush=True)
         time.sleep(60.0)
 """
-
-
-def config_with(backend: Any) -> Config:
-    endpoint = free_endpoint()
-    return Config(
-        backend=backend,
-        router=RouterConfig(endpoint=endpoint),
-        api=ApiConfig(port=0),
-        limits=Limits(freeze_ms=500, missed_deadlines=1_000),  # for busy machines
-    )
-
-
-def until(rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool]) -> frictus.RigStatus:
-    """Return the first status for which something holds, the present one included."""
-    with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
-        for state in states:
-            assert isinstance(state, frictus.RigStatus)
-            if holds(state):
-                return state
-    raise AssertionError("the feed has ended")
-
-
-def blocks_of(feed: Any) -> Iterator[frictus.Block]:
-    for item in feed:
-        assert isinstance(item, frictus.Block), f"this subscriber lost blocks: {item}"
-        yield item
-
-
-def driven(block: frictus.Block) -> bool:
-    return bool(block.data.any())
 
 
 def last_driven_sample(block: frictus.Block) -> int:
@@ -132,17 +97,17 @@ def doomed(service: Service, observer: frictus.Rig) -> Iterator["subprocess.Pope
         try:
             assert process.stdout is not None
             assert process.stdout.readline().strip() == "armed"
-            until(observer, lambda status: status.owner == "doomed")
+            await_status(observer, lambda status: status.owner == "doomed")
             yield process
         finally:
             process.kill()
-    until(observer, lambda status: status.state == "disarmed")
+    await_status(observer, lambda status: status.state == "disarmed")
 
 
 def test_only_what_somebody_reads_is_published(service: Service, observer: frictus.Rig) -> None:
     def blocks_later(n_blocks: int) -> Counters:
         wanted = observer.status().counters.blocks + n_blocks
-        return until(observer, lambda status: status.counters.blocks >= wanted).counters
+        return await_status(observer, lambda status: status.counters.blocks >= wanted).counters
 
     quiet = blocks_later(100)
     still = blocks_later(100)
@@ -194,11 +159,11 @@ def test_an_owner_that_dies_with_a_thousand_tokens_leaves_nothing_armed(
         try:
             assert process.stdout is not None
             assert process.stdout.readline().strip() == "armed"
-            until(observer, lambda status: status.owner == "doomed")
+            await_status(observer, lambda status: status.owner == "doomed")
         finally:
             process.kill()
         killed_s = time.monotonic()
-    until(observer, lambda status: status.state == "disarmed")
+    await_status(observer, lambda status: status.state == "disarmed")
     assert time.monotonic() - killed_s < 3.0, "far below the lease of 10 s"
 
 
@@ -207,7 +172,7 @@ def test_frozen_client_wakes_to_a_lost_lease(
     observer: frictus.Rig, doomed: "subprocess.Popen[str]"
 ) -> None:
     os.kill(doomed.pid, signal.SIGSTOP)
-    until(observer, lambda status: status.state == "disarmed")
+    await_status(observer, lambda status: status.state == "disarmed")
     with observer.arm(PATIENT_LEASE_MS) as lease:
         os.kill(doomed.pid, signal.SIGCONT)
         # Whether its renewals are refused, or it reads first who holds the rig: it knows.
@@ -223,7 +188,7 @@ def test_streamed_texture_is_felt_until_it_is_stale(observer: frictus.Rig) -> No
         applied = stream.applied
         assert applied is not None
         stream.send(wave, period_mm=1.0, ttl_ms=300)
-        stale = until(observer, lambda status: status.stream_stale)
+        stale = await_status(observer, lambda status: status.stream_stale)
         assert stale.stream_open
         assert stale.counters.stream_updates > 0
         with observer.blocks("truth", timeout_s=10.0) as feed:
@@ -243,7 +208,7 @@ def test_streamed_texture_is_felt_until_it_is_stale(observer: frictus.Rig) -> No
             ]
             assert np.ptp(np.concatenate(means)) < 0.1 * 0.05
         stream.send(wave, period_mm=1.0, ttl_ms=300)
-        until(observer, lambda status: status.stream_open and not status.stream_stale)
+        await_status(observer, lambda status: status.stream_open and not status.stream_stale)
 
 
 def test_what_is_rendered_and_what_is_true_are_read_as_one(observer: frictus.Rig) -> None:
@@ -335,7 +300,7 @@ def test_two_clients_cannot_hold_one_rig(service: Service, observer: frictus.Rig
             with pytest.raises(frictus.RefusedError):
                 other.set_scene(TEXTURE)
             other.stop()
-            until(observer, lambda status: status.state == "disarmed")
+            await_status(observer, lambda status: status.state == "disarmed")
 
 
 def test_garbage_on_every_key_leaves_the_rig_alive(
@@ -355,194 +320,9 @@ def test_garbage_on_every_key_leaves_the_rig_alive(
                 for answer in answers:
                     assert answer.ok is not None
                     assert b"bad_request" in answer.ok.payload.to_bytes()
-            until(observer, lambda status: status.counters.refused_commands >= refused + 5)
+            await_status(
+                observer, lambda status: status.counters.refused_commands >= refused + 5
+            )
             for _ in range(50):
                 next(blocks)
         assert observer.status().state == "disarmed"
-
-
-@pytest.fixture
-def device() -> Iterator[SimulatedDeviceConfig]:
-    """A device in a process of its own, which holds its last value."""
-    with launched(SimulatedConfig(finger=SteadyStrokes())) as config:
-        yield config
-
-
-@posix_signals
-def test_rig_that_dies_or_freezes_is_reset_and_started_again(
-    device: SimulatedDeviceConfig,
-) -> None:
-    config = config_with(device)
-    said: list[str] = []
-    with (
-        Supervisor(config, ("rig",), say=said.append) as supervisor,
-        frictus.connect(config.router.endpoint) as client,
-    ):
-        supervisor.wait_ready(100.0)
-        rig = client.rig("rig1")
-        for end, words in ((signal.SIGSTOP, "stood still"), (signal.SIGKILL, "signal 9")):
-            run = until(rig, lambda status: status.state == "disarmed").run
-            rig.set_scene(TEXTURE)
-            lease = rig.arm(PATIENT_LEASE_MS)
-            with rig.blocks("voltage", timeout_s=10.0) as feed:
-                next(b for b in feed if isinstance(b, frictus.Block) and driven(b))
-            with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
-                os.kill(supervisor.pid_of("rig"), end)
-                told: Any = next(state for state in states if state.state == "tripped")  # type: ignore[attr-defined]
-                output = recent_output(device, 1.0)
-                assert words in told.fault.reason
-                assert "the device was reset" in told.fault.reason
-                assert not output.holding
-                assert not output.armed
-                assert output.voltage_v[-1] == 0.0
-                if end == signal.SIGSTOP:
-                    assert _held_samples(output.voltage_v) > 1_000, "it held its last value"
-                again: Any = next(s for s in states if s.run != run)  # type: ignore[attr-defined]
-            assert again.state == "disarmed"
-            assert again.fault is not None
-            assert words in again.fault.reason
-            assert lease.wait_lost(10.0)
-            lease.disarm()
-    assert any("started again" in line for line in said)
-    assert said[-1] == "stopped"
-
-
-@posix_signals
-def test_a_rig_is_watched_although_nobody_can_be_told_and_whatever_fails_once(
-    device: SimulatedDeviceConfig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Who reads standard error may be gone, its disk full; a process may not start."""
-    config = config_with(device)
-
-    def say(_line: str) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with (
-        Supervisor(config, ("rig",), say=say) as supervisor,
-        frictus.connect(config.router.endpoint) as client,
-    ):
-        supervisor.wait_ready(100.0)
-        rig = client.rig("rig1")
-        run = rig.status().run
-        context = supervisor._context
-        failures: list[str] = []
-        follow, process = supervisor._follow, context.Process
-
-        def failing(look_s: float) -> None:
-            follow(look_s)
-            if not failures:
-                failures.append("follow")
-                raise ZeroDivisionError
-
-        def unstarted(**given: Any) -> Any:
-            made = process(**given)
-            if "start" not in failures:
-                failures.append("start")
-                monkeypatch.setattr(made, "start", lambda: os.open("/nowhere", os.O_RDONLY))
-            return made
-
-        monkeypatch.setattr(supervisor, "_follow", failing)
-        monkeypatch.setattr(context, "Process", unstarted)
-        with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
-            os.kill(supervisor.pid_of("rig"), signal.SIGSTOP)
-            told: Any = next(state for state in states if state.state == "tripped")  # type: ignore[attr-defined]
-            assert "the device was reset" in told.fault.reason
-            again: Any = next(s for s in states if s.run != run)  # type: ignore[attr-defined]
-        assert again.state == "disarmed"
-        assert failures == ["follow", "start"]
-
-
-def _held_samples(voltage_v: Any) -> int:
-    """Return the longest run of one value other than zero."""
-    same = (np.diff(voltage_v) == 0.0) & (voltage_v[1:] != 0.0)
-    longest = run = 0
-    for held in same:
-        run = run + 1 if held else 0
-        longest = max(longest, run)
-    return longest
-
-
-def test_part_that_cannot_start_says_why(tmp_path: Path) -> None:
-    config = config_with(SimulatedConfig()).model_copy(
-        update={"model_file": tmp_path / "absent.json"}
-    )
-    with (
-        Supervisor(config, ("rig",), say=lambda _line: None) as supervisor,
-        pytest.raises(StartError, match=r"absent\.json"),
-    ):
-        supervisor.wait_ready(60.0)
-
-
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
-    """`serve` in a process group of its own, as a terminal starts it; ready."""
-    path = tmp_path / "frictus.toml"
-    path.write_text(f'[router]\nendpoint = "{free_endpoint()}"\n', encoding="utf-8")
-    code = (
-        "import sys; from pathlib import Path; from frictus_service.config_file import load;"
-        "from frictus_service.daemon.processes.serve import serve;"
-        "serve(load(Path(sys.argv[1])), ('rig',))"
-    )
-    new_process_group = 0x200 if sys.platform == "win32" else 0
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, str(path)],
-        stderr=subprocess.PIPE,
-        text=True,
-        creationflags=new_process_group,
-        start_new_session=sys.platform != "win32",
-    )
-    with process:
-        try:
-            assert process.stderr is not None
-            said = iter(process.stderr)
-            assert any(line.startswith("ready") for line in said)
-            yield process
-        finally:
-            process.kill()
-
-
-def test_interrupt_stops_everything(served: "subprocess.Popen[str]") -> None:
-    assert served.stderr is not None
-    # As a terminal does: every process of the group gets it.
-    if sys.platform == "win32":
-        served.send_signal(signal.CTRL_BREAK_EVENT)
-    else:
-        os.killpg(served.pid, signal.SIGINT)
-    rest = served.stderr.read()  # ends when the last process has closed it
-    assert served.wait(30.0) == 0, rest
-    assert rest.splitlines()[-1] == "stopped"
-    assert "Traceback" not in rest
-    assert "killed" not in rest
-
-
-@posix_signals
-def test_parts_do_not_outlive_their_supervisor(served: "subprocess.Popen[str]") -> None:
-    assert served.stderr is not None
-    served.kill()
-    rest = served.stderr.read()
-    assert "Traceback" not in rest
-
-
-def test_a_slow_clock_trips_nothing_and_keeps_utc() -> None:
-    backend = SimulatedConfig(finger=SteadyStrokes(), clock=0.25)
-    config = config_with(backend).model_copy(update={"limits": Limits(freeze_ms=500)})
-    with (
-        Supervisor(config, ("rig",), say=lambda _line: None) as supervisor,
-        frictus.connect(config.router.endpoint, name="patient") as client,
-    ):
-        supervisor.wait_ready(100.0)
-        rig = client.rig("rig1")
-        with rig.arm(PATIENT_LEASE_MS):
-            begun = rig.status().counters.blocks
-            # Of blocks that each last four times as long, the limit is reached by half.
-            enough = begun + 2 * config.limits.missed_deadlines
-            status = until(rig, lambda status: status.counters.blocks >= enough)
-            assert status.state == "armed", status.fault
-            with rig.blocks("voltage", timeout_s=10.0) as feed:
-                block = next(blocks_of(feed))
-            behind_s = 1e-9 * (time.time_ns() - block.utc_ns)
-        assert 0.0 <= behind_s < 0.5, "by nominal rate it would be over a second by now"
-        with rig.watch(Topics.TIME, timeout_s=10.0) as states:
-            state = next(iter(states))
-        assert isinstance(state, frictus.TimeState)
-        assert abs(state.skew_ppm) <= 200.0
