@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 from tests.campaigns.reliability import OUT, table, with_section
-from tests.service.daemon.safety_model import EVENTS, GROUPS, search
+from tests.service.daemon.safety_events import EVENTS, GROUPS
+from tests.service.daemon.safety_model import search
 from tests.service.daemon.time_to_zero import CAUSES, LIMITS_MS, time_to_zero_ms
 
 PHASES: Final = 4

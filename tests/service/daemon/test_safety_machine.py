@@ -2,7 +2,8 @@
 
 import pytest
 
-from .safety_model import EVENTS, GROUPS, search
+from .safety_events import EVENTS, GROUPS
+from .safety_model import search
 from .time_to_zero import CAUSES, LIMITS_MS, time_to_zero_ms
 
 
