@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 import pytest
 import zenoh
+from tests.rig_status import rig_status
 from zenoh.handlers import Callback
 
 from frictus import Client, connect
@@ -135,26 +136,15 @@ class FakeRig:
         self._publishers[topic.suffix].put(payload)
 
     def status(self, **changes: Any) -> RigStatus:
-        fields: dict[str, Any] = {
+        own: dict[str, Any] = {
             "site": self.keys.site,
             "rig": self.keys.rig,
-            "version": "0",
             "run": self.run,
-            "utc_ns": time.time_ns(),
-            "state": "disarmed",
-            "backend": "fake",
-            "simulated": True,
-            "finger_source": "simulated",
-            "sample_rate_hz": 20_000.0,
-            "block_samples": 100,
-            "lead_ms": 20.0,
-            "screen_mm": (100.0, 60.0),
-            "screen_peak_v": 75.0,
             "model_etag": "m1",
             "model_placeholder": True,
             "scene_etag": "s1",
         }
-        return RigStatus(**(fields | changes))
+        return rig_status(**(own | changes))
 
     def block(self, sequence: int, run: int = 1, first_sample: int | None = None) -> Block:
         data = np.full((3, 100), sequence, dtype=np.float32)

@@ -16,6 +16,10 @@ from frictus.block import Block, Flag
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.messages import Message, RigStatus, TimeState
 from frictus.session import declare_latest_publisher, open_router, open_session
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
 RATE_HZ = 20_000.0
@@ -42,6 +46,20 @@ def lsl(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("lsl") / "lsl_api.cfg"
     file.write_text(LSL, encoding="utf-8")
     return file
+
+
+@pytest.fixture(scope="module")
+def config() -> Iterator[Config]:
+    """Of a service whose rig is simulated, as it runs."""
+    config = Config(
+        backend=SimulatedConfig(finger=SteadyStrokes()),
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0),
+        limits=Limits(missed_deadlines=1_000),  # for busy machines
+    )
+    with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield config
 
 
 class HandRig:

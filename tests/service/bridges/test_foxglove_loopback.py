@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 from tests.service.bridges.foxglove_viewer import Came, viewing
 
 import frictus
-from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.processes.supervisor import Supervisor
-from frictus_service.processes import free_endpoint
+from frictus_service.config import Config
 
 SAMPLES = 20_000
 """1 s; the bridge keeps six times as much of two streams for a viewer that is set aside."""
@@ -34,19 +30,6 @@ with frictus.connect(sys.argv[1], patient=True) as client:
             bridge.turn()
             time.sleep(0.01)
 """
-
-
-@pytest.fixture(scope="module")
-def config() -> Iterator[Config]:
-    config = Config(
-        backend=SimulatedConfig(finger=SteadyStrokes()),
-        router=RouterConfig(endpoint=free_endpoint()),
-        api=ApiConfig(port=0),
-        limits=Limits(missed_deadlines=1_000),  # for busy machines
-    )
-    with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
-        supervisor.wait_ready(100.0)
-        yield config
 
 
 @pytest.fixture

@@ -17,30 +17,13 @@ import pyxdf
 from numpy.typing import NDArray
 
 import frictus
-from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.processes.supervisor import Supervisor
-from frictus_service.processes import free_endpoint
+from frictus_service.config import Config
 
 SAMPLES = 80_000
 """4 s."""
 BRIDGE = "from frictus_service.cli import main; main()"
 TEXTURE = frictus.Spectrum(components=[frictus.Component(amplitude_n=0.05, cycles_per_mm=1.0)])
 STREAMS = ("force", "accel", "finger", "markers")
-
-
-@pytest.fixture(scope="module")
-def config() -> Iterator[Config]:
-    config = Config(
-        backend=SimulatedConfig(finger=SteadyStrokes()),
-        router=RouterConfig(endpoint=free_endpoint()),
-        api=ApiConfig(port=0),
-        limits=Limits(missed_deadlines=1_000),  # for busy machines
-    )
-    with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
-        supervisor.wait_ready(100.0)
-        yield config
 
 
 @pytest.fixture
