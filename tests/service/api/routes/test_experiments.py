@@ -6,6 +6,7 @@ import queue
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -95,7 +96,7 @@ def until_end(api: TestClient, job: str) -> str:
 
 def until_told(caplog: pytest.LogCaptureFixture, text: str) -> None:
     while text not in caplog.text:
-        pass
+        time.sleep(0.01)
 
 
 def pid_of(api: TestClient, job: str) -> int:
@@ -372,15 +373,15 @@ def test_one_whose_folder_is_deleted_ends_and_gives_its_rig_back(
         return found
 
     monkeypatch.setattr(engine, "get", get_and_tell)
-    pool = ThreadPoolExecutor()
-    followed = pool.submit(until_end, api, job)
-    for _ in ("whether it is there", "as the first event"):
-        looked.get()
-    shutil.rmtree(tmp_path / "studies" / "experiments" / job.rpartition("/")[2])
-    assert "was deleted or moved" in api.get(job).json()["detail"]
-    assert start(api, rig.name, toml=TOML).json()["code"] == "rig_busy"
-    os.kill(pid, signal.SIGCONT)
-    assert followed.result() == "failed"
+    with ThreadPoolExecutor() as pool:
+        followed = pool.submit(until_end, api, job)
+        for _ in ("whether it is there", "as the first event"):
+            looked.get()
+        shutil.rmtree(tmp_path / "studies" / "experiments" / job.rpartition("/")[2])
+        assert "was deleted or moved" in api.get(job).json()["detail"]
+        assert start(api, rig.name, toml=TOML).json()["code"] == "rig_busy"
+        os.kill(pid, signal.SIGCONT)
+        assert followed.result() == "failed"
     while (again := start(api, rig.name, toml=TOML)).status_code == 409:
         pass
     assert again.status_code == 202
