@@ -4,7 +4,7 @@ import contextlib
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sized
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,10 +29,7 @@ if TYPE_CHECKING:
     from frictus.messages import RecordingState, RecordRequest
     from frictus_service.recording.summary import RecordingSummary
 
-SHOWN_GAPS = 20
-SHOWN_CHANGES = 20
-
-
+MOST_SHOWN = 20
 SHOWN_S = 0.5
 
 
@@ -210,13 +207,12 @@ def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
         lines.append(f"{name}: {one.blocks} blocks, {one.seconds:.2f} s{lost}")
     lines += [f"{topic}: {count} messages" for topic, count in summary.states.items()]
     lines += _compensation_lines(summary) + _model_lines(summary)
-    for gap in summary.gaps[:SHOWN_GAPS]:
-        lines.append(
-            f"gap in {gap.stream}: {gap.missing_blocks} from {gap.first_missing_sequence} of "
-            f"run {gap.run}, {gap.missing_samples} samples, {gap.reason} {gap.detail}".rstrip()
-        )
-    if len(summary.gaps) > SHOWN_GAPS:
-        lines.append(f"and {len(summary.gaps) - SHOWN_GAPS} gaps more; --json has them all")
+    gaps = [
+        f"gap in {gap.stream}: {gap.missing_blocks} from {gap.first_missing_sequence} of "
+        f"run {gap.run}, {gap.missing_samples} samples, {gap.reason} {gap.detail}".rstrip()
+        for gap in summary.gaps[:MOST_SHOWN]
+    ]
+    lines += gaps + _more(summary.gaps, "gaps")
     lines += [f"FAULT: {fault}" for fault in summary.faults]
     if summary.end is not None:
         lines.append(f"ended: {summary.end.reason}")
@@ -231,10 +227,9 @@ def _model_lines(summary: "RecordingSummary") -> list[str]:
     lines = [
         f"model {model.etag} from {1e-9 * (model.utc_ns - models[0].utc_ns):.2f} s"
         + (f", adapted: {' '.join(model.reason.split())}" if model.adapted_from else "")
-        for model in models[:SHOWN_CHANGES]
+        for model in models[:MOST_SHOWN]
     ]
-    more = len(models) - SHOWN_CHANGES
-    return lines + [f"and {more} changes more; --json has them all"] * (more > 0)
+    return lines + _more(models, "changes")
 
 
 def _compensation_lines(summary: "RecordingSummary") -> list[str]:
@@ -245,10 +240,14 @@ def _compensation_lines(summary: "RecordingSummary") -> list[str]:
     lines = [
         f"compensation {change.compensation} from "
         f"{1e-9 * (change.utc_ns - changes[0].utc_ns):.2f} s"
-        for change in changes[:SHOWN_CHANGES]
+        for change in changes[:MOST_SHOWN]
     ]
-    more = len(changes) - SHOWN_CHANGES
-    return lines + [f"and {more} changes more; --json has them all"] * (more > 0)
+    return lines + _more(changes, "changes")
+
+
+def _more(told: Sized, what: str) -> list[str]:
+    more = len(told) - MOST_SHOWN
+    return [f"and {more} {what} more; --json has them all"] if more > 0 else []
 
 
 def recover(
