@@ -13,7 +13,7 @@ import secrets
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Generic, Literal, TypeVar
 
@@ -58,8 +58,6 @@ class JobFolder(Generic[Job]):
         What a job is called in messages, such as ``discovery``.
     unknown : type
         Raised where there is no such job.
-    clock_ns : callable
-        UTC, ns.
 
     Attributes
     ----------
@@ -75,12 +73,10 @@ class JobFolder(Generic[Job]):
         document: type[Job],
         kind: str,
         unknown: type[UnknownJobError],
-        clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.kind = kind
         self.changes = 0
         self._root, self._document, self._unknown = root, document, unknown
-        self._clock_ns = clock_ns
         self._lock = threading.Lock()
         self._told: set[str] = set()
         self._kept: set[str] = set()
@@ -103,7 +99,7 @@ class JobFolder(Generic[Job]):
         files : mapping of str to bytes or None
             What else its folder holds, by name.
         """
-        now_ns = self._clock_ns()
+        now_ns = time.time_ns()
         began = time.strftime("%Y%m%d-%H%M%S", time.gmtime(now_ns / 1e9))
         job = self._document(
             id=f"{began}-{now_ns // 1_000 % 1_000_000:06d}{secrets.token_hex(2)}",
@@ -185,7 +181,7 @@ class JobFolder(Generic[Job]):
                     f"{self.kind} {job} is {found.state}: this is for one that is "
                     f"{' or '.join(of)}"
                 )
-            now = {"state": to, "updated_utc_ns": self._clock_ns(), "failure": None}
+            now = {"state": to, "updated_utc_ns": time.time_ns(), "failure": None}
             changed = found.model_copy(update=now | fields)
             self._keep(changed)
         return changed

@@ -86,18 +86,15 @@ class TextureLibrary:
     ----------
     folder : Path
         The user's textures; made with the first `put`.
-    shipped : Path
-        Read-only textures that are visible beside them.
     """
 
-    def __init__(self, folder: Path, shipped: Path = SHIPPED) -> None:
+    def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._shipped = shipped
         self._writing = threading.Lock()
 
     def names(self) -> list[str]:
         """Return all names, sorted; files whose names no texture can have are left out."""
-        return sorted(_names_in(self._folder) | _names_in(self._shipped))
+        return sorted(_names_in(self._folder) | _names_in(SHIPPED))
 
     def get(self, name: str) -> Entry:
         """Return the texture called `name`.
@@ -107,7 +104,7 @@ class TextureLibrary:
         TextureNameError, UnknownTextureError, DamagedTextureError
         """
         check_name(name)
-        for folder, shipped in ((self._shipped, True), (self._folder, False)):
+        for folder, shipped in ((SHIPPED, True), (self._folder, False)):
             path = folder / f"{name}.json"
             if not path.is_file():
                 continue
@@ -165,7 +162,7 @@ class TextureLibrary:
             sync_folder(self._folder)
 
     def _refuse_shipped(self, name: str) -> None:
-        if (self._shipped / f"{name}.json").exists():
+        if (SHIPPED / f"{name}.json").exists():
             raise ReadOnlyTextureError(f"{name!r} is shipped and read-only: use another name")
 
     def _check_replaced(self, name: str, replaces: str | None) -> None:

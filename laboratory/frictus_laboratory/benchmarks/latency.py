@@ -229,21 +229,19 @@ class RoundTrip:
         return 1e3 * (time.perf_counter() - begun)
 
 
-def measure_update(updates: int = 80, seed: int = 0) -> list[Figure]:
+def measure_update(updates: int = 80) -> list[Figure]:
     """Return the figures `texture_update` and `texture_update_dac`.
 
     Parameters
     ----------
     updates : int
         How many are timed; ten a second at least.
-    seed : int
-        Of the moments within a block at which they are sent.
     """
     # Late blocks are in the figure; a rig that tripped by them would have none.
     config = config_of(limits=Limits(missed_deadlines=1_000))
     endpoint, rng, pause = (
         config.router.endpoint,
-        np.random.default_rng(seed),
+        np.random.default_rng(0),
         threading.Event(),
     )
     handed_ms, dac_ms, trips_ms = [], [], []

@@ -149,9 +149,7 @@ def _await_end(pipe: Pipe, over: threading.Event) -> None:
     over.set()
 
 
-def measure_beside(
-    busy: int, seconds: float = 6.0, subscribers: int = SUBSCRIBERS
-) -> list[Figure]:
+def measure_beside(busy: int, seconds: float = 6.0) -> list[Figure]:
     """Return the figures `busy_<n>_loss` and `busy_<n>_lateness`.
 
     Parameters
@@ -160,14 +158,12 @@ def measure_beside(
         Processes that compute without pause meanwhile.
     seconds : float
         How long it is measured.
-    subscribers : int
-        How many read everything.
     """
     config = config_of()
     with (
         serving(config, ("rig", "api")),
         frictus.connect(config.router.endpoint) as client,
-        loaded(config, subscribers) as load,
+        loaded(config, SUBSCRIBERS) as load,
         contextlib.ExitStack() as stack,
     ):
         for _ in range(busy):
@@ -182,7 +178,7 @@ def measure_beside(
         tally.received for tally in before
     )
     places = {
-        "handed_over": float(counts["blocks_dropped"] * len(STREAMS) * subscribers),
+        "handed_over": float(counts["blocks_dropped"] * len(STREAMS) * SUBSCRIBERS),
         "on_the_way": float(_missing(tallies, "lost") - _missing(before, "lost")),
         "by_the_reader": float(_missing(tallies, "overflow") - _missing(before, "overflow")),
     }
@@ -195,7 +191,7 @@ def measure_beside(
             places,
             lost / max(received + lost, 1),
             Target("ratio", "at most", LARGEST_LOSS),
-            f"of {subscribers} subscribers {beside}; on the right by the queue that dropped "
+            f"of {SUBSCRIBERS} subscribers {beside}; on the right by the queue that dropped "
             "them; ratio: lost over sent",
         ),
         Figure(

@@ -14,6 +14,7 @@ from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, neighb
 from frictus_service.config import Config
 
 STREAMS: Final[tuple[StreamName, ...]] = ("force", "accel", "voltage", "truth")
+PROCESSES: Final = 4
 PATHS: Final = (
     f"/v1/rigs/{RIG}",
     "/metrics",
@@ -170,15 +171,15 @@ class Load:
 
 
 @contextmanager
-def loaded(config: Config, subscribers: int = 16, processes: int = 4) -> Iterator[Load]:
+def loaded(config: Config, subscribers: int) -> Iterator[Load]:
     """Put a service under load.
 
     Parameters
     ----------
     config : Config
         Of a service that runs, the API included.
-    subscribers, processes : int
-        How many subscribers, and over how many processes they are spread.
+    subscribers : int
+        How many, spread over `PROCESSES`.
     """
     with contextlib.ExitStack() as stack:
         following = [
@@ -186,9 +187,9 @@ def loaded(config: Config, subscribers: int = 16, processes: int = 4) -> Iterato
                 neighbour(
                     subscribe,
                     config.router.endpoint,
-                    [RIG] * len(range(n, subscribers, processes)),
+                    [RIG] * len(range(n, subscribers, PROCESSES)),
                 )
             )
-            for n in range(processes)
+            for n in range(PROCESSES)
         ]
         yield Load(following, stack.enter_context(neighbour(keep_busy, config)))

@@ -66,16 +66,16 @@ def serving(config: Config, parts: Sequence[PartName] = ("rig",)) -> Iterator[Su
 
 
 def await_status(
-    rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool], timeout_s: float = 60.0
+    rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool]
 ) -> frictus.RigStatus:
     """Return the first status for which something holds, the present one included.
 
     Raises
     ------
     SilenceError
-        If the rig says nothing for so long.
+        If the rig says nothing for a minute.
     """
-    with rig.watch(Topics.STATUS, timeout_s=timeout_s) as states:
+    with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
         return next(s for s in states if isinstance(s, frictus.RigStatus) and holds(s))
 
 
@@ -222,7 +222,7 @@ def _await_word(
             )
 
 
-def await_subscriber(publisher: zenoh.Publisher, timeout_s: float = END_S) -> None:
+def await_subscriber(publisher: zenoh.Publisher) -> None:
     """Wait until somebody subscribes to what is published.
 
     Raises
@@ -230,7 +230,7 @@ def await_subscriber(publisher: zenoh.Publisher, timeout_s: float = END_S) -> No
     StartError
         If nobody does in time.
     """
-    deadline_s = time.monotonic() + timeout_s
+    deadline_s = time.monotonic() + END_S
     while not is_read(publisher):
         if time.monotonic() > deadline_s:
             raise StartError(f"nobody subscribed to {publisher.key_expr}")

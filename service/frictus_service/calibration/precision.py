@@ -79,19 +79,16 @@ class Variation:
         return white + coloured
 
 
-def paper_asks(repeats: int = 1, record_s: float = 10.0) -> list[Ask]:
+def paper_asks(record_s: float = 10.0) -> list[Ask]:
     """Return the paper's 375 trials: every tone, speed and force by itself.
 
     Parameters
     ----------
-    repeats : int
-        Sets of all trials.
     record_s : float
         Recorded per trial, s.
     """
     return [
         Ask(speed, force, design.single(tone), 7.0, record_s)
-        for _ in range(repeats)
         for speed in PAPER_SPEEDS_MM_S
         for force in FORCES_N
         for tone in design.paper_tones().tolist()

@@ -93,7 +93,6 @@ def guide(
     left_s: float,
     finger: FingerState | None,
     utc_ns: int,
-    message: str = "",
 ) -> GuidanceState:
     """Return what to show.
 
@@ -113,8 +112,6 @@ def guide(
         The newest; None or stale: the finger is not seen.
     utc_ns : int
         UTC of this moment.
-    message : str
-        Shown to the participant.
     """
     seen = finger is not None and not finger.stale
     touching = seen and finger is not None and finger.in_contact
@@ -136,7 +133,6 @@ def guide(
         colour=colour_of(
             finger.normal_force_n if finger else 0.0, cue.force_n, in_contact=touching
         ),
-        message=message,
     )
 
 

@@ -202,11 +202,10 @@ def measure_latency(
     stream: TextureStream,
     friction_n: NDArray[np.float64],
     bias: float,
-    updates: int = LATENCY_UPDATES,
 ) -> list[float]:
     """Send updates that each fade again, and find the first changed sample at the DAC, ms.
 
-    It returns once the last has faded.
+    It returns once the last of `LATENCY_UPDATES` has faded.
 
     Parameters
     ----------
@@ -217,8 +216,6 @@ def measure_latency(
     friction_n : ndarray, shape (n_samples,)
     bias : float
         Drive fraction without texture.
-    updates : int
-        How many.
     """
     latencies: list[float] = []
     screen = Screen(peak_v=rig.status().screen_peak_v)
@@ -233,7 +230,7 @@ def measure_latency(
             if sent_ns is None:
                 steady = 0 if changed.size else steady + 1
                 if steady >= 3:
-                    if len(latencies) == updates:
+                    if len(latencies) == LATENCY_UPDATES:
                         break
                     sent_ns = time.time_ns()
                     stream.send(friction_n, period_mm=PERIOD_MM, ttl_ms=BLINK_TTL_MS)

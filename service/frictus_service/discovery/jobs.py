@@ -215,13 +215,10 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
     ----------
     studies : Path
         The folder of studies.
-    clock_ns : callable
-        UTC, ns.
     """
 
-    def __init__(self, studies: Path, clock_ns: Callable[[], int] = time.time_ns) -> None:
-        root, unknown = studies / FOLDER, UnknownDiscoveryError
-        super().__init__(root, DiscoveryJob, "discovery", unknown, clock_ns)
+    def __init__(self, studies: Path) -> None:
+        super().__init__(studies / FOLDER, DiscoveryJob, "discovery", UnknownDiscoveryError)
         self._studies = studies
 
     def study(self, name: str) -> Path:
@@ -269,7 +266,7 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         """Keep what a running discovery is at."""
         with self._lock:
             job = self._read(discovery)
-            update = {"progress": progress, "updated_utc_ns": self._clock_ns()}
+            update = {"progress": progress, "updated_utc_ns": time.time_ns()}
             self._tell(job.id, "progress", progress.model_dump_json())
             super()._keep(job.model_copy(update=update))
 

@@ -5,8 +5,6 @@ whole of its protocol; and `trials.jsonl`, the log, from which it goes on.
 """
 
 import secrets
-import time
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
@@ -194,13 +192,10 @@ class ExperimentStore(JobFolder[ExperimentJob]):
     ----------
     studies : Path
         The folder of studies.
-    clock_ns : callable
-        UTC, ns.
     """
 
-    def __init__(self, studies: Path, clock_ns: Callable[[], int] = time.time_ns) -> None:
-        root, unknown = studies / FOLDER, UnknownExperimentError
-        super().__init__(root, ExperimentJob, "experiment", unknown, clock_ns)
+    def __init__(self, studies: Path) -> None:
+        super().__init__(studies / FOLDER, ExperimentJob, "experiment", UnknownExperimentError)
 
     def create(self, spec: ExperimentSpec, by: str) -> ExperimentJob:
         """Queue an experiment.

@@ -211,8 +211,8 @@ class RecordingSession:
         Attached, without what is secret in it.
     gone_s : float
         How long the rig may be away.
-    monotonic_s, utc_ns : callable
-        Clocks.
+    utc_ns : callable
+        Clock, ns.
 
     Raises
     ------
@@ -230,22 +230,20 @@ class RecordingSession:
         path: Path,
         config: Config,
         gone_s: float = GONE_S,
-        monotonic_s: Callable[[], float] = time.monotonic,
         utc_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.name = request.name
         self.path = path
         self.problem: str | None = None
-        self._monotonic_s = monotonic_s
         self._utc_ns = utc_ns
         self._gone_s = gone_s
         self._rig = RigName(rig.site, rig.name)
         self._gone_since_s: float | None = None
         self._ended = False
         self._writer = RecordingWriter(
-            path, self._info(rig, request), _attachments(rig, config), monotonic_s
+            path, self._info(rig, request), _attachments(rig, config), time.monotonic
         )
-        self._begun_s = self._end_s = monotonic_s()
+        self._begun_s = self._end_s = time.monotonic()
         self._intake = Intake(client.session, rig.keys)
         self._presence = client.presence(rig.site)
 
@@ -285,7 +283,7 @@ class RecordingSession:
             return
         gone_s = 0.0
         if self._gone_since_s is not None:
-            gone_s = self._monotonic_s() - self._gone_since_s
+            gone_s = time.monotonic() - self._gone_since_s
         if gone_s > self._gone_s:
             problem = f"rig {self._rig.name} vanished and was not back after {gone_s:.0f} s"
             self.end(problem)
@@ -298,12 +296,12 @@ class RecordingSession:
         astray = None if self._writer.in_place else ASTRAY.format(self.path)
         with self._finished_by_failure():
             self._intake.drain_into(self._writer, self._utc_ns())
-            self._writer.end(reason, self._utc_ns(), self._monotonic_s() - self._begun_s)
+            self._writer.end(reason, self._utc_ns(), time.monotonic() - self._begun_s)
             self._finish(astray)
 
     def state(self) -> RecordingState:
         """Return what is to be told of it."""
-        until_s = self._end_s if self._ended else self._monotonic_s()
+        until_s = self._end_s if self._ended else time.monotonic()
         return RecordingState(
             utc_ns=self._utc_ns(),
             recording=not self._ended,
@@ -320,7 +318,7 @@ class RecordingSession:
         for change in self._presence.drain():
             if change.rig != self._rig or change.present == (self._gone_since_s is None):
                 continue
-            self._gone_since_s = None if change.present else self._monotonic_s()
+            self._gone_since_s = None if change.present else time.monotonic()
             self._writer.presence(change.present, self._utc_ns())
 
     @contextlib.contextmanager
@@ -336,7 +334,7 @@ class RecordingSession:
     def _finish(self, problem: str | None) -> None:
         self._ended = True
         self.problem = problem
-        self._end_s = self._monotonic_s()
+        self._end_s = time.monotonic()
         self._writer.close()
         self._intake.close()
         self._presence.close()

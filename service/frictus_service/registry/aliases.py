@@ -1,6 +1,6 @@
 """Aliases stand for one version of a model; activations tell which rig was given which."""
 
-from collections.abc import Callable
+import time
 from typing import Any, TypeVar
 
 from pydantic import BaseModel
@@ -34,13 +34,10 @@ class Aliases:
     ----------
     database : Database
         Of the registry.
-    clock_ns : callable
-        UTC, ns.
     """
 
-    def __init__(self, database: Database, clock_ns: Callable[[], int]) -> None:
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._clock_ns = clock_ns
 
     def of(self, name: str) -> list[Alias]:
         """Return the aliases of a model, sorted.
@@ -101,7 +98,7 @@ class Aliases:
             row = {
                 "version": version,
                 "revision": before.revision + 1 if before else 1,
-                "moved_utc_ns": self._clock_ns(),
+                "moved_utc_ns": time.time_ns(),
             }
             here = {"name": name, "alias": alias}
             if before is None:
@@ -170,13 +167,10 @@ class Activations:
     ----------
     database : Database
         Of the registry.
-    clock_ns : callable
-        UTC, ns.
     """
 
-    def __init__(self, database: Database, clock_ns: Callable[[], int]) -> None:
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._clock_ns = clock_ns
 
     def record(
         self, version: VersionSummary, *, site: str, rig: str, confirmed: str, by: str
@@ -201,7 +195,7 @@ class Activations:
             version=version.version,
             etag=version.etag,
             confirmed=confirmed,
-            activated_utc_ns=self._clock_ns(),
+            activated_utc_ns=time.time_ns(),
             activated_by=by,
         )
         with self._database.write() as connection:

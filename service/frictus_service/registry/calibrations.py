@@ -3,7 +3,7 @@
 import json
 import secrets
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -44,13 +44,10 @@ class Calibrations:
     ----------
     database : Database
         Of the registry.
-    clock_ns : callable
-        UTC, ns.
     """
 
-    def __init__(self, database: Database, clock_ns: Callable[[], int]) -> None:
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._clock_ns = clock_ns
 
     def create(
         self, spec: CalibrationSpec, *, site: str, by: str, once: Once | None = None
@@ -72,7 +69,7 @@ class Calibrations:
         ------
         RigBusyError, KeyReusedError
         """
-        now_ns = self._clock_ns()
+        now_ns = time.time_ns()
         with self._database.write() as connection:
             if once is not None and (made := once.begin(connection, now_ns)) is not None:
                 return _get(connection, made), False
@@ -198,7 +195,7 @@ class Calibrations:
         ------
         UnknownCalibrationError, CalibrationStateError, RigBusyError
         """
-        now_ns = self._clock_ns()
+        now_ns = time.time_ns()
         here = (calibrations.c.id == calibration) & calibrations.c.state.in_(of)
         values = {
             "state": to,
@@ -225,7 +222,7 @@ class Calibrations:
         CalibrationStateError
             If it is not running.
         """
-        now_ns = self._clock_ns()
+        now_ns = time.time_ns()
         told = progress.model_dump_json()
         here = (calibrations.c.id == calibration) & (calibrations.c.state == "running")
         with self._database.write() as connection:
@@ -244,7 +241,7 @@ class Calibrations:
         site : str
             Whose process ended without a word.
         """
-        now_ns = self._clock_ns()
+        now_ns = time.time_ns()
         here = (calibrations.c.site == site) & calibrations.c.state.in_(ACTIVE)
         with self._database.read() as connection:  # a registry that is read-only is read
             if connection.execute(select(calibrations.c.id).where(here)).first() is None:

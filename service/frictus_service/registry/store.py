@@ -1,7 +1,6 @@
 """The registry: models under names, in versions that never change."""
 
 import time
-from collections.abc import Callable
 from typing import Any, Final, Literal
 
 from pydantic import ValidationError
@@ -42,8 +41,6 @@ class Registry(Closing):
     ----------
     url : str
         ``sqlite:///FILE`` or ``postgresql+psycopg://USER:PASSWORD@HOST/NAME``.
-    clock_ns : callable
-        UTC, ns.
 
     Attributes
     ----------
@@ -62,12 +59,11 @@ class Registry(Closing):
         If the URL is not one; every method raises it when the database cannot be reached.
     """
 
-    def __init__(self, url: str, clock_ns: Callable[[], int] = time.time_ns) -> None:
+    def __init__(self, url: str) -> None:
         self.database = Database(url)
-        self.aliases = Aliases(self.database, clock_ns)
-        self.activations = Activations(self.database, clock_ns)
-        self.calibrations = Calibrations(self.database, clock_ns)
-        self._clock_ns = clock_ns
+        self.aliases = Aliases(self.database)
+        self.activations = Activations(self.database)
+        self.calibrations = Calibrations(self.database)
 
     def close(self) -> None:
         """Close the database."""
@@ -111,7 +107,7 @@ class Registry(Closing):
         check_name(name)
         check_provenance(model)
         with self.database.write() as connection:
-            now_ns = self._clock_ns()
+            now_ns = time.time_ns()
             if once is not None and (made := once.begin(connection, now_ns)) is not None:
                 return _published(_find(connection, parse_reference(made)))
             row = _measured(connection, calibration) if calibration is not None else None

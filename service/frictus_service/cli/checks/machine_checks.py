@@ -63,8 +63,9 @@ def clock_resolution(clock_ns: Callable[[], int] = time.monotonic_ns) -> DoctorC
     return DoctorCheck("clock", "ok", found)
 
 
-def timer_lateness(rounds: int = 200, period_s: float = 0.005) -> DoctorCheck:
+def timer_lateness() -> DoctorCheck:
     """Measure how late a 5 ms timer wakes on this machine, as it is loaded now."""
+    rounds, period_s = 200, 0.005
     late_ms = []
     due_s = time.monotonic()
     for _ in range(rounds):

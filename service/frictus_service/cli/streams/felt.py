@@ -3,7 +3,7 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Self, TypeVar
 
@@ -90,12 +90,9 @@ class Observer:
     ----------
     rig : Rig
         The rig.
-    clock_s : callable
-        Monotonic time.
     """
 
-    def __init__(self, rig: Rig, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self._clock_s = clock_s
+    def __init__(self, rig: Rig) -> None:
         self._fingers = rig.fingers(timeout_s=0.0)
         self._statuses = rig.watch(Topics.STATUS, timeout_s=0.0)
         self._scenes = rig.watch(Topics.SCENE, timeout_s=0.0)
@@ -105,13 +102,13 @@ class Observer:
         self._finger: FingerState | None = None
         self._status: RigStatus | None = None
         self._scene: SceneState | None = None
-        self._heard_s = clock_s()
+        self._heard_s = time.monotonic()
 
     def look(self) -> RigSnapshot:
         """Take what has come since the last look; never waits for more."""
         for finger in self._fingers.drain():
             self._finger = finger
-            self._heard_s = self._clock_s()
+            self._heard_s = time.monotonic()
         for status in _waiting(self._statuses):
             self._status = status if isinstance(status, RigStatus) else self._status
         for scene in _waiting(self._scenes):
@@ -129,11 +126,11 @@ class Observer:
             {name: feed.received for name, feed in self._blocks.items()},
             {name: feed.lost for name, feed in self._blocks.items()},
             dict(self._gaps),
-            self._clock_s() - self._heard_s,
+            time.monotonic() - self._heard_s,
         )
 
     def _take(self, name: str, item: Block | Gap) -> None:
-        self._heard_s = self._clock_s()
+        self._heard_s = time.monotonic()
         if isinstance(item, Gap):
             self._gaps[item.reason] += 1
         if name not in self._recent:

@@ -148,12 +148,7 @@ def read_study(
     return _without_copies(readings)
 
 
-def position_delay_s(
-    path: Path | str,
-    *,
-    workers: int | None = None,
-    tell: Callable[[str], None] | None = None,
-) -> float:
+def position_delay_s(path: Path | str) -> float:
     """Return by how much the positions of a study are late that does not say it; 0 if it does.
 
     As `read_study` takes it off; see `sensor_delay_s`.
@@ -162,15 +157,13 @@ def position_delay_s(
     ----------
     path : Path or str
         Of the file.
-    workers, tell
-        As for `observe_study`.
 
     Returns
     -------
     float
         In s.
     """
-    work = _Work(path, OBSERVER, workers, None, None, tell)
+    work = _Work(path, OBSERVER)
     with open_study(work.path) as study:
         stated = study.info.positions_late_s is not None
         return 0.0 if stated else sensor_delay_s(records_of(work.through(study)))
@@ -183,10 +176,10 @@ class _Work:
         self,
         path: Path | str,
         reader: Reader,
-        workers: int | None,
-        cache: Path | str | None,
-        cluster: str | None,
-        tell: Callable[[str], None] | None,
+        workers: int | None = None,
+        cache: Path | str | None = None,
+        cluster: str | None = None,
+        tell: Callable[[str], None] | None = None,
     ) -> None:
         self.path = Path(path).resolve()
         self._reader, self._workers, self._cluster = reader, workers, cluster

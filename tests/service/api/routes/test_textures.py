@@ -35,7 +35,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "shipped"
     folder.mkdir()
     (folder / "felt.json").write_text(json.dumps(SLOPE))
-    monkeypatch.setattr(library_module.TextureLibrary.__init__, "__defaults__", (folder,))
+    monkeypatch.setattr(library_module, "SHIPPED", folder)
     return folder
 
 
