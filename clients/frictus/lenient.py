@@ -1,4 +1,4 @@
-"""What is read leniently and made strictly: the base of messages and textures."""
+"""Bases of what is read: messages and textures leniently, what a person writes exactly."""
 
 from difflib import get_close_matches
 from typing import Any, Final
@@ -48,3 +48,9 @@ class Lenient(BaseModel, metaclass=_Spelled):
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class Exact(BaseModel):
+    """Takes what its fields say and nothing else."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

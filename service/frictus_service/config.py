@@ -10,10 +10,11 @@ import ipaddress
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from frictus.keys import RigKeys
+from frictus.lenient import Exact
 from frictus.messages import AdaptationPolicy
 from frictus.names import NAME, Matching, Name
 from frictus.session import DEFAULT_ROUTER, LEASE_MS
@@ -47,10 +48,6 @@ _DATABASE = (
 )
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 def _fault_at(place: Place, what: str) -> PydanticCustomError:
     """Return the error of a section as a whole, for `config_file` to name the line at fault.
 
@@ -71,7 +68,7 @@ def _with_port(endpoint: str) -> str:
     return endpoint
 
 
-class RouterConfig(_Section):
+class RouterConfig(Exact):
     """Where the parts of the system meet."""
 
     endpoint: Annotated[
@@ -99,7 +96,7 @@ class RouterConfig(_Section):
     names the other. For a network without certificates, as yet."""
 
 
-class SecurityConfig(_Section):
+class SecurityConfig(Exact):
     """Certificates, as `frictus pki` makes them; each key stands beside its certificate."""
 
     authority: Path
@@ -135,7 +132,7 @@ class SecurityConfig(_Section):
         return self.model_copy(update={name: folder / path for name, path in files.items()})
 
 
-class Limits(_Section):
+class Limits(Exact):
     """What the rig accepts, and how long it waits before it makes the output safe."""
 
     max_lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 10_000
@@ -160,7 +157,7 @@ class Limits(_Section):
     """So many blocks in a row, each more than a block late, trip the rig."""
 
 
-class Token(_Section):
+class Token(Exact):
     """A bearer token of the REST API; give its SHA-256 rather than the token itself."""
 
     name: Annotated[str, Field(min_length=1, max_length=40), NAME]
@@ -197,7 +194,7 @@ class Token(_Section):
         return hmac.compare_digest(digest, self.digest)
 
 
-class ApiConfig(_Section):
+class ApiConfig(Exact):
     """The REST API."""
 
     enabled: bool = True
@@ -246,7 +243,7 @@ class ApiConfig(_Section):
         return self
 
 
-class RegistryConfig(_Section):
+class RegistryConfig(Exact):
     """Where models and calibrations are kept."""
 
     url: Annotated[str, Field(repr=False), Matching(*_DATABASE)] = f"{_SQLITE}frictus.db"
@@ -260,7 +257,7 @@ class RegistryConfig(_Section):
         return self.model_copy(update={"url": f"{_SQLITE}{(folder / file).as_posix()}"})
 
 
-class TrackerConfig(_Section):
+class TrackerConfig(Exact):
     """The process that learns the finger while anything plays."""
 
     enabled: bool = True
@@ -277,7 +274,7 @@ class TrackerConfig(_Section):
         return self.model_copy(update={"mount": mount, "audit": folder / self.audit})
 
 
-class Config(_Section):
+class Config(Exact):
     """Everything the service can be told."""
 
     site: Name = "lab"

@@ -17,8 +17,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
+from frictus.lenient import Exact
 from frictus_service.durable import replace_file
 from frictus_service.errors import JobStateError, UnknownJobError
 
@@ -30,10 +31,9 @@ _ID: Final = re.compile(r"[0-9a-f-]{1,64}")
 _LOG: Final = logging.getLogger(__name__)
 
 
-class FolderJob(BaseModel):
+class FolderJob(Exact):
     """A job and where it stands."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     id: str
     state: State
     created_utc_ns: int

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import Field, FiniteFloat, ValidationError, model_validator
 
 from frictus.errors import ArgumentError, explain
 from frictus.experiment.procedures.plans import (
@@ -19,7 +19,7 @@ from frictus.experiment.procedures.plans import (
 from frictus.experiment.stimuli import Amplitude, Difference, Pairs, Stimulus
 from frictus.experiment.tasks import Adjustment, Magnitude, SameDifferent, Task, guess_rate
 from frictus.files import MAX_TOML_BYTES, read_bounded, read_toml
-from frictus.lenient import NO_TRUTH
+from frictus.lenient import NO_TRUTH, Exact
 from frictus.names import Matching
 from frictus.textures import Texture
 
@@ -28,11 +28,7 @@ MAX_TABLE: Final = 10_000_000
 """Levels times candidates of QUEST+ times conditions; of each, 32 bytes are held."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Presentation(_Part):
+class Presentation(Exact):
     """How the intervals of a trial are presented."""
 
     interval_s: Annotated[FiniteFloat, Field(ge=0.05, le=60.0)] = 1.0
@@ -56,7 +52,7 @@ class Presentation(_Part):
         return self
 
 
-class Design(_Part):
+class Design(Exact):
     """The order of trials."""
 
     order: Literal["interleaved", "blocked"] = "interleaved"
@@ -74,7 +70,7 @@ _CONDITION: Final = Matching(
 )
 
 
-class Protocol(_Part):
+class Protocol(Exact):
     """An experiment as a document."""
 
     name: Annotated[

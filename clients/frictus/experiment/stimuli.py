@@ -3,8 +3,9 @@
 import math
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
+from frictus.lenient import Exact
 from frictus.textures import Region, Scene, Texture
 
 MAX_GAIN: Final = 100.0
@@ -13,11 +14,7 @@ MAX_DB: Final = 40.0
 """`MAX_GAIN` as 20 log10."""
 
 
-class _Stimulus(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Amplitude(_Stimulus):
+class Amplitude(Exact):
     """A texture times the level, against a standard or a smooth screen.
 
     Write the texture with an amplitude of 1 N, and levels are newtons.
@@ -67,7 +64,7 @@ class Amplitude(_Stimulus):
         return level * test_gain
 
 
-class Difference(_Stimulus):
+class Difference(Exact):
     """A texture amplified by the level in dB, against the texture as it is written."""
 
     kind: Literal["difference"] = "difference"
@@ -114,7 +111,7 @@ class Difference(_Stimulus):
         return level + 20.0 * math.log10(test_gain / reference_gain)
 
 
-class NamedTexture(_Stimulus):
+class NamedTexture(Exact):
     """A texture of a set that is compared."""
 
     name: Annotated[str, Field(min_length=1, max_length=50)]
@@ -122,7 +119,7 @@ class NamedTexture(_Stimulus):
     gain: Annotated[FiniteFloat, Field(gt=0.0, le=MAX_GAIN)] = 1.0
 
 
-class Pairs(_Stimulus):
+class Pairs(Exact):
     """All pairs of a set of textures; the level is the number of a pair, from 1."""
 
     kind: Literal["pairs"] = "pairs"

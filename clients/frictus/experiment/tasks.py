@@ -3,21 +3,17 @@
 import math
 from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from frictus.errors import ArgumentError
-from frictus.lenient import NO_TRUTH
+from frictus.lenient import NO_TRUTH, Exact
 
 Interval = Literal["test", "reference"]
 Order: TypeAlias = tuple[Interval, ...]
 Question = Annotated[str, Field(min_length=1, max_length=300)]
 
 
-class _Task(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class TwoAlternatives(_Task):
+class TwoAlternatives(Exact):
     """Two intervals, one of them the test: which? Catch trials present the highest level."""
 
     kind: Literal["2afc"] = "2afc"
@@ -25,7 +21,7 @@ class TwoAlternatives(_Task):
     feedback: bool = False
 
 
-class SameDifferent(_Task):
+class SameDifferent(Exact):
     """Two intervals: the same or different? In catch trials they are the same."""
 
     kind: Literal["same-different"] = "same-different"
@@ -33,7 +29,7 @@ class SameDifferent(_Task):
     feedback: bool = False
 
 
-class YesNo(_Task):
+class YesNo(Exact):
     """One interval: did you feel it? Catch trials present the reference."""
 
     kind: Literal["yes-no"] = "yes-no"
@@ -41,7 +37,7 @@ class YesNo(_Task):
     feedback: bool = False
 
 
-class Magnitude(_Task):
+class Magnitude(Exact):
     """A number for what was felt: of one interval, or of how two differ."""
 
     kind: Literal["magnitude"] = "magnitude"
@@ -58,7 +54,7 @@ class Magnitude(_Task):
         return self
 
 
-class Adjustment(_Task):
+class Adjustment(Exact):
     """The participant sets the level of the test: up, down, until it matches the reference."""
 
     kind: Literal["adjustment"] = "adjustment"

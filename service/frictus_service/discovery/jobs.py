@@ -13,8 +13,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypedDict
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from frictus.lenient import Exact
 from frictus.model import Model
 from frictus.names import Matching
 from frictus_service.discovery.across_studies.document import MOST_STUDIES
@@ -37,11 +38,7 @@ StudyName = Annotated[
 StudyNames = Annotated[tuple[StudyName, ...], Field(min_length=2, max_length=MOST_STUDIES)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class DiscoverySpec(_Strict):
+class DiscoverySpec(Exact):
     """One discovery."""
 
     study: Annotated[
@@ -66,13 +63,13 @@ class DiscoverySpec(_Strict):
         return (self.study,) if isinstance(self.study, str) else self.study
 
 
-class DiscoveryProgress(_Strict):
+class DiscoveryProgress(Exact):
     """What a discovery is at."""
 
     message: str
 
 
-class DiscoveryResult(_Strict):
+class DiscoveryResult(Exact):
     """What came of it; the report has all."""
 
     verdict: Verdict | None
@@ -91,13 +88,13 @@ class DiscoveryJob(FolderJob):
     result: DiscoveryResult | None = None
 
 
-class DiscoveryJobs(_Strict):
+class DiscoveryJobs(Exact):
     """All discoveries of this machine, newest first."""
 
     discoveries: list[DiscoveryJob]
 
 
-class DiscoveryEvent(_Strict):
+class DiscoveryEvent(Exact):
     """One thing that a discovery told; numbered from 1 without gaps."""
 
     number: int

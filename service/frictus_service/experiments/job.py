@@ -9,12 +9,13 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import Field, FiniteFloat, ValidationError, model_validator
 
 from frictus.errors import ArgumentError
 from frictus.experiment import Protocol, load_protocol, parse_protocol, ready_protocols
 from frictus.experiment.procedures.plans import ConstantPlan, StaircasePlan
 from frictus.experiment.tasks import Task
+from frictus.lenient import Exact
 from frictus.names import Matching, Name
 from frictus_service.errors import JobStateError, UnknownExperimentError
 from frictus_service.job_folder import ACTIVE, FolderJob, JobFolder
@@ -28,11 +29,7 @@ _VEILED: Final = "null: told to who may calibrate, not to participants"
 Phase = Literal["ready", "interval", "question", "wait", "feedback", "break", "pause"]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ExperimentSpec(_Strict):
+class ExperimentSpec(Exact):
     """One experiment: a ready protocol by name, or the TOML of one."""
 
     rig: Name
@@ -74,7 +71,7 @@ class ExperimentSpec(_Strict):
         return load_protocol(ready[self.protocol])
 
 
-class ParticipantScreen(_Strict):
+class ParticipantScreen(Exact):
     """What the participant's page shows, and what the experimenter's says of the trial."""
 
     phase: Phase
@@ -115,7 +112,7 @@ class ExperimentJob(FolderJob):
         return self.model_copy(update={"seed": None, "screen": screen})
 
 
-class ReadyProtocol(_Strict):
+class ReadyProtocol(Exact):
     """A protocol that comes with the service."""
 
     name: str
@@ -124,7 +121,7 @@ class ReadyProtocol(_Strict):
     planned: int | None
 
 
-class ExperimentList(_Strict):
+class ExperimentList(Exact):
     """All experiments of this machine, newest first, and the protocols that are ready."""
 
     experiments: list[ExperimentJob]
@@ -133,7 +130,7 @@ class ExperimentList(_Strict):
     ready: list[ReadyProtocol]
 
 
-class Answer(_Strict):
+class Answer(Exact):
     """What the participant answers to the question that is on the screen."""
 
     trial: Annotated[int, Field(ge=1)]
@@ -141,7 +138,7 @@ class Answer(_Strict):
     answer: Annotated[str, Field(min_length=1, max_length=50)]
 
 
-class Pause(_Strict):
+class Pause(Exact):
     """The experimenter wants a pause before the next trial, or has it go on."""
 
     pause: bool

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from frictus.experiment import (
     ConditionResult,
@@ -17,17 +16,14 @@ from frictus.experiment import (
 )
 from frictus.experiment.events import event_rows
 from frictus.experiment.psychometrics.psychometric import threshold_of
+from frictus.lenient import Exact
 
 CURVE_POINTS: Final = 60
 BEYOND: Final = 2.0
 """Factor beyond levels presented and threshold, over which a curve is drawn."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class IntervalEstimate(_Strict):
+class IntervalEstimate(Exact):
     """A value and its 95 % interval."""
 
     value: float
@@ -46,7 +42,7 @@ class IntervalEstimate(_Strict):
         return None if found is None else cls(value=found.value, low=found.low, high=found.high)
 
 
-class LevelAnswers(_Strict):
+class LevelAnswers(Exact):
     """The answers at a level."""
 
     level: float
@@ -54,7 +50,7 @@ class LevelAnswers(_Strict):
     positive: int
 
 
-class ConditionReport(_Strict):
+class ConditionReport(Exact):
     """What the trials of a condition say so far; what does not apply is null or empty."""
 
     condition: str
@@ -69,7 +65,7 @@ class ConditionReport(_Strict):
     """Levels and probabilities of the fit."""
 
 
-class ExperimentReport(_Strict):
+class ExperimentReport(Exact):
     """What the log of an experiment says so far."""
 
     trials: list[dict[str, Any]]

@@ -17,10 +17,11 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from h11 import LocalProtocolError
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.types import Receive, Scope, Send
 
 from frictus.errors import RefusedError
+from frictus.lenient import Exact
 from frictus.messages import RecordingState
 from frictus.names import NAME, Pseudonym
 from frictus_hardware.arrays import FloatArray
@@ -72,10 +73,8 @@ RecordingName = Annotated[
 router = APIRouter(prefix="/v1", tags=["recordings"])
 
 
-class RecordingAsked(BaseModel):
+class RecordingAsked(Exact):
     """What to record."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: Annotated[str, Field(min_length=1, max_length=100), NAME]
     participant: Pseudonym | None = None

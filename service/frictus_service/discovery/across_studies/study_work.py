@@ -16,9 +16,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from pydantic import BaseModel, ConfigDict
 from threadpoolctl import threadpool_limits
 
+from frictus.lenient import Exact
 from frictus.model import Model
 from frictus_service.discovery.across_studies.document import StudyLeftOut, StudyOutcome
 from frictus_service.discovery.across_studies.study_statistics import (
@@ -93,10 +93,8 @@ class StudyTask:
     sources: str
 
 
-class StudyRecord(BaseModel):
+class StudyRecord(Exact):
     """A study's own discovery, and which trials it rests on."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     discovery: Discovery
     trials: tuple[str, ...]
