@@ -1,7 +1,8 @@
 """A finished recording of known samples, and what a reading of one must satisfy."""
 
+import queue
 import runpy
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.service.recording.recorder_service import SECRET, Service
 
+import frictus
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, RouterConfig
+from frictus_service.daemon.processes.supervisor import Supervisor
+from frictus_service.processes import free_endpoint
 from frictus_service.recording.reader import Ending, RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.writer import RecordingWriter
@@ -107,3 +115,32 @@ def read() -> ReadClean:
 def known() -> Any:
     """The module of known samples."""
     return KNOWN
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    folder = tmp_path_factory.mktemp("service")
+    token: Any = {"name": "one", "scopes": ("read",), "value": SECRET}
+    config = Config(
+        backend=SimulatedConfig(finger=SteadyStrokes()),
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0, tokens=(token,)),
+        registry=RegistryConfig(url=f"sqlite:///{folder}/frictus.db"),
+        recordings=folder / "recordings",
+        limits=Limits(freeze_ms=1_000, missed_deadlines=1_000),
+    )
+    said: queue.Queue[str] = queue.Queue()
+    with Supervisor(config, ("rig", "recorder"), say=said.put) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield Service(config, supervisor, said)
+
+
+@pytest.fixture
+def client(service: Service) -> Iterator[frictus.Client]:
+    with frictus.connect(service.config.router.endpoint, timeout_s=10.0) as client:
+        yield client
+
+
+@pytest.fixture
+def rig(client: frictus.Client) -> frictus.Rig:
+    return client.rig("rig1", wait_s=60.0)
