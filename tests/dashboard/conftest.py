@@ -11,8 +11,11 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
+from tests.dashboard.lab import SCENE, Lab, arrive, running
 
 from frictus_dashboard import FOLDER
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.guided import ClientFinger
 
 CHROMIUM = ("chromium-headless-shell", "chromium", "chromium-browser")
 OpenPage = Callable[..., AbstractContextManager[Page]]
@@ -58,6 +61,22 @@ def open_page(browser: Browser) -> OpenPage:
         assert len(hosts - {""}) <= 1, f"it asked elsewhere: {hosts}"
 
     return opened
+
+
+@pytest.fixture(scope="module")
+def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    """A daemon whose finger is a pointer's; none is started where there is no browser."""
+    finger = SimulatedConfig(finger=ClientFinger())
+    with running(tmp_path_factory.mktemp("lab"), backend=finger) as lab:
+        lab.rig.set_scene(SCENE)
+        yield lab
+
+
+@pytest.fixture
+def page(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
+    with open_page() as page:
+        arrive(page, lab.url)
+        yield page
 
 
 class _Quiet(SimpleHTTPRequestHandler):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 from tests.patience import PATIENT, PATIENT_LEASE_MS
 
 import frictus
@@ -40,6 +40,15 @@ TOPICS = {
     frictus.SceneState: Topics.SCENE,
     frictus.FingerState: Topics.FINGER,
 }
+
+
+TEXTURE = frictus.Spectrum(
+    components=[
+        frictus.Component(amplitude_n=0.02, cycles_per_mm=turns)
+        for turns in (0.9, 1.3, 2.0, 3.1, 4.7)
+    ]
+)
+SCENE = frictus.Scene(name="lines", regions=[frictus.Region(texture=TEXTURE, name="Lines")])
 
 
 @dataclass(frozen=True)
@@ -176,3 +185,14 @@ def expect_no_violations(page: Page, widths: Sequence[int] = ()) -> None:
             assert width is None or wide <= width, f"{wide} px at {width}"
     if widths and before is not None:
         page.set_viewport_size(before)
+
+
+def arrive(page: Page, url: str) -> None:
+    page.goto(url)
+    expect(page.locator("#connection")).to_have_text("Live")
+    page.evaluate("window.loadedOnce = true")
+
+
+def samples(page: Page, stream: str) -> int:
+    told = page.locator(f"[data-stream={stream}] .count").inner_text()
+    return int(told.split()[0]) if told else 0

@@ -31,14 +31,6 @@ def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
         yield lab
 
 
-@pytest.fixture
-def page(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
-    with open_page() as page:
-        page.goto(lab.url)
-        expect(page.locator("#connection")).to_have_text("Live")
-        yield page
-
-
 def switch(page: Page) -> Locator:
     return page.get_by_role("group", name="Compensation")
 

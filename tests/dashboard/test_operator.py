@@ -38,14 +38,6 @@ def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
         yield lab
 
 
-@pytest.fixture
-def page(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
-    with open_page() as page:
-        page.goto(lab.url)
-        expect(page.locator("#connection")).to_have_text("Live")
-        yield page
-
-
 def events(page: Page) -> list[str]:
     """What the log says, the newest first, without the times."""
     page.locator("#events summary").click()

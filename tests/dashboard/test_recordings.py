@@ -37,14 +37,6 @@ def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
         yield lab
 
 
-@pytest.fixture
-def page(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
-    with open_page() as page:
-        page.goto(lab.url)
-        expect(page.locator("#connection")).to_have_text("Live")
-        yield page
-
-
 def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
     name = page.get_by_label("Name of the recording")
     expect(name).to_have_value(re.compile(r"^rig1-\d{8}-\d{6}$"))
