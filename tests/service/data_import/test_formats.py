@@ -4,14 +4,17 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pyarrow as pa
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
+from pyarrow import parquet
 from tests.service.data_import.made import TONES_HZ, Swipes
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.data_import.column_map import load_map, map_beside
 from frictus_service.data_import.formats.arrays import read_hdf5
+from frictus_service.data_import.formats.read import read_columns
 from frictus_service.study.importers import open_study
 from frictus_service.study.reader import StudyReader
 
@@ -218,3 +221,30 @@ def test_the_counts_of_a_study_have_its_scale(tmp_path: Path) -> None:
         counts.attrs.update({"scale": 0.5, "offset": 1.0, "_FillValue": -9})
     (force,) = read_hdf5(path).columns
     np.testing.assert_array_equal(force.values, [2.0, 3.0, np.nan])
+
+
+def test_columns_that_are_called_alike_stay_apart(tmp_path: Path) -> None:
+    """Parquet may have them: the second was a copy of the first."""
+    path = tmp_path / "alike.parquet"
+    arrays = [pa.array(["a", "b"]), pa.array([1.0, 2.0]), pa.array([3.0, 4.0])]
+    parquet.write_table(pa.Table.from_arrays(arrays, names=["Fx", "Fx", "Fx"]), path)
+    found = {column.name: column.values.tolist() for column in read_columns(path).columns}
+    assert found == {"Fx": [1.0, 2.0], "Fx (2)": [3.0, 4.0]}
+
+
+def test_data_sets_whose_paths_read_alike_stay_apart(tmp_path: Path) -> None:
+    """One of `a.b` and one of `a/b`: what was mapped was the last."""
+    path = tmp_path / "alike.h5"
+    with h5py.File(path, "w") as file:
+        file["a.b"], file["a/b"] = [1.0, 2.0], [3.0, 4.0]
+    found = {column.name: column.values.tolist() for column in read_columns(path).columns}
+    assert sorted(found.values()) == [[1.0, 2.0], [3.0, 4.0]]
+
+
+def test_names_of_a_program_that_writes_no_utf_8(tmp_path: Path) -> None:
+    path = tmp_path / "day1.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("Läufe".encode("latin-1"))
+        group.create_dataset("Kraft längs".encode("latin-1"), data=[1.0, 2.0])
+    (column,) = read_columns(path).columns
+    assert column.name == "Läufe.Kraft längs"

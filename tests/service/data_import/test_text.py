@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pytest
 
+from frictus_service.data_import.formats import tables
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.data_import.formats.tables import read_text
 from frictus_service.data_import.proposal import propose
@@ -96,6 +98,41 @@ def test_a_last_row_that_was_not_written_whole_is_told(tmp_path: Path) -> None:
 def test_a_damaged_row_is_refused(damaged: bytes, tmp_path: Path) -> None:
     with pytest.raises(pa.ArrowInvalid):
         columns_of(b"t,Fx,x\n0.0,1.0,2.0\n" + damaged + b"\n0.2,1.0,2.2\n", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("damaged", "told"),
+    [
+        (b"0.1,0x10,2.1", "row 2 of the numbers, column 'Fx': '0x10' is no number"),
+        (b"0.1,1.0,2.1,7", "row 2 of the numbers has another number of columns: 4, others 3"),
+    ],
+)
+def test_a_damaged_row_is_told_as_a_person_counts(
+    damaged: bytes, told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"of Monday\nt,Fx,x\n0.0,1.0,2.0\n" + damaged + b"\n0.2,1.0,2.2\n")
+    with pytest.raises(StudyError, match=told):
+        read_columns(path)
+
+
+@pytest.mark.parametrize("missing", ["n/a", "N/A", "#N/A", "NULL", "None", "-nan", "1.#QNAN"])
+def test_missing_samples_as_programs_write_them(missing: str, tmp_path: Path) -> None:
+    """In the first row, too, which was taken for a heading."""
+    rows = f"t,Fx\n0.0,{missing}\n0.1,2.0\n0.2,{missing}\n"
+    found = columns_of(rows.encode(), tmp_path)
+    assert found["t"] == [0.0, 0.1, 0.2]
+    assert np.isnan(found["Fx"]).tolist() == [True, False, True]
+
+
+def test_the_line_in_which_the_head_ends_tells_no_layout(tmp_path: Path) -> None:
+    """Of a row whose divider is unknown, the beginning is one number."""
+    path = tmp_path / "bars.csv"
+    row = b"0.125|1.5\n"
+    before = (tables.HEAD_BYTES - 5) // len(row) * len(row)
+    path.write_bytes(b"x" * (tables.HEAD_BYTES - 5 - before - 1) + b"\n" + 7000 * row)
+    with pytest.raises(StudyError, match="columns divided by comma"):
+        read_columns(path)
 
 
 LVM = """LabVIEW Measurement\t

@@ -77,8 +77,9 @@ def _objects(file: h5py.File) -> tuple[list[Stored], dict[str, dict[str, Any]]]:
     fields: list[tuple[str, h5py.Dataset]] = []
     seen, deepest = 0, 0
 
-    def visit(name: str, held: h5py.HLObject) -> bool | None:
+    def visit(called: str | bytes, held: h5py.HLObject) -> bool | None:
         nonlocal seen, deepest
+        name = _name(called)
         seen, deepest = seen + 1, max(deepest, name.count("/"))
         if seen > MAX_OBJECTS or deepest > MAX_GROUPS_DEEP:
             return True
@@ -112,6 +113,11 @@ def _objects(file: h5py.File) -> tuple[list[Stored], dict[str, dict[str, Any]]]:
     return found, groups
 
 
+def _name(called: str | bytes) -> str:
+    """Return the name of an object; programs on Windows write what is no UTF-8."""
+    return called if isinstance(called, str) else called.decode("latin-1")
+
+
 def _referred(
     file: h5py.File, name: str, field: h5py.Dataset
 ) -> Iterator[tuple[str, h5py.HLObject]]:
@@ -124,7 +130,7 @@ def _referred(
             if isinstance(held, h5py.Group) and is_cell:  # a struct
                 for member in held:
                     if isinstance(held.get(member, getlink=True), h5py.HardLink):
-                        yield f"{name}{{{number}}}.{member}", held[member]
+                        yield f"{name}{{{number}}}.{_name(member)}", held[member]
             elif held is not None:
                 yield _in_cell(name, number) if is_cell else f"{struct}({number}).{last}", held
 

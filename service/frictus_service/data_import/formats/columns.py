@@ -1,6 +1,7 @@
 """Columns of numbers, whatever the format of the file that held them."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -88,6 +89,7 @@ class Gatherer:
         self._numbers: dict[str, float] = {}
         self._notes: list[str] = []
         self._texts: dict[str, str] = {}
+        self._called: Counter[str] = Counter()
         self._values = 0
 
     def reserve(self, name: str, shape: tuple[int, ...]) -> bool:
@@ -128,7 +130,7 @@ class Gatherer:
         Parameters
         ----------
         name : str
-            In the file.
+            In the file; where several are called alike, the second becomes `name (2)`.
         array : ndarray
             Other than real numbers are left out.
         unit : str
@@ -156,12 +158,18 @@ class Gatherer:
         matrix = squeezed[:, np.newaxis] if squeezed.ndim == 1 else squeezed
         if matrix.shape[1] > matrix.shape[0]:
             matrix = matrix.T
+        name = self._own_name(name)
         names = [name] if matrix.shape[1] == 1 else _numbered(name, matrix.shape[1])
         if len(self._columns) + len(names) > MAX_COLUMNS:
             raise StudyError(f"it holds more than {MAX_COLUMNS} columns; leave some away")
         for number, each in enumerate(names):
             values = np.ascontiguousarray(matrix[:, number], dtype=np.float64)
             self._columns.append(Column(each, values, unit, rate_hz))
+
+    def _own_name(self, name: str) -> str:
+        """Return a name, or the name with a number where arrays before are called alike."""
+        self._called[name] += 1
+        return f"{name} ({self._called[name]})" if self._called[name] > 1 else name
 
     def text(self, name: str, value: str) -> None:
         """Take a single text, unless it is long: it names nobody then."""

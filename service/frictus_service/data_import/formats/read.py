@@ -48,9 +48,9 @@ def _read(reader: Callable[[Path], Columns], path: Path) -> Columns:
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from error
     except Exception as error:  # parsers raise whatever a damaged file leads them to
-        what = str(error) or type(error).__name__
+        what = " ".join(str(error).split()) or type(error).__name__  # one of Parquet has lines
         raise StudyError(
-            f"{path} cannot be read ({what[:200]}); where it is damaged or cut short, restore "
+            f"{path} cannot be read ({what[:300]}); where it is damaged or cut short, restore "
             f"it from a copy, or save it again; {ACCEPTED}"
         ) from error
 

@@ -22,7 +22,11 @@ from frictus_service.errors import StudyError
 MAX_BYTES: Final = 1 << 30
 HEAD_BYTES: Final = 1 << 16
 DELIMITERS: Final = ("\t", ";", ",", " ")
-MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "-", "null")
+MISSING: Final = (
+    *("", "-", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None"),
+    *("1.#QNAN", "-1.#IND"),
+)
+"""As programs write a sample that is missing; the last two are of Microsoft's C."""
 SPARE_SPACES: Final = re.compile(rb"(?:\A|(?<=[\r\n])) +| +(?=[ \r\n]|\Z)")
 MAX_SECTIONS: Final = 1024
 MAX_SECTIONS_BYTES: Final = 1 << 28
@@ -30,6 +34,10 @@ MAX_SECTIONS_LINES: Final = 1 << 24
 """Sections are found line by line, which are in memory at once, each with its overhead."""
 HEAD_LINES: Final = 2000
 ROW_BEGINS: Final = b'+-.0123456789nN",;\t'
+_NO_NUMBER: Final = re.compile(
+    r"CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL
+)
+_OTHER_WIDTH: Final = re.compile(r"Row #(\d+): Expected (\d+) columns, got (\d+)")
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
 
 
@@ -74,7 +82,7 @@ def read_text(path: Path) -> Columns:
             f"it is larger than {MAX_BYTES >> 20} MiB of text; cut it, or use HDF5"
         )
     with path.open("rb") as stream:
-        layout = find_layout(stream.read(HEAD_BYTES))
+        layout = find_layout(_whole_lines(stream.read(HEAD_BYTES)))
     gathered = Gatherer("text")
     source: Path | BytesIO = path
     if layout.delimiter == " ":  # pyarrow takes each space as an end of a field
@@ -88,10 +96,51 @@ def read_text(path: Path) -> Columns:
     return gathered.result()
 
 
+def _whole_lines(head: bytes) -> bytes:
+    """Leave away the line that a head ends in: its beginning may look like a whole one."""
+    if len(head) < HEAD_BYTES:
+        return head
+    return head[: max(head.rfind(b"\n"), head.rfind(b"\r")) + 1] or head
+
+
 def _add_rows(
     gathered: Gatherer, source: Path | BytesIO, layout: TextLayout, section: str
 ) -> None:
-    """Add the columns of a table; of one of several, with its name before theirs."""
+    """Add the columns of a table; of one of several, with its name before theirs.
+
+    Raises
+    ------
+    ArrowInvalid
+        If a row is damaged; the text says which.
+    """
+    try:
+        table = _table(gathered, source, layout)
+    except pa.ArrowInvalid as error:
+        raise pa.ArrowInvalid(section + _in_words(str(error), layout)) from error
+    for name, unit in zip(layout.names, layout.units, strict=True):
+        # Null stands where a field is empty.
+        values = table.column(name).to_numpy().astype(np.float64)
+        gathered.add(f"{section}{name}", values, unit)
+
+
+def _in_words(error: str, layout: TextLayout) -> str:
+    """Return what is wrong with a row, where pyarrow says it in numbers of columns."""
+    if found := _NO_NUMBER.search(error):
+        column, row, value = found.groups()
+        return (
+            f"row {row} of the numbers, column {layout.names[int(column)][:40]!r}: "
+            f"{value[:40]!r} is no number; a missing sample is empty, NaN, n/a, null or -"
+        )
+    if found := _OTHER_WIDTH.search(error):
+        row, expected, got = map(int, found.groups())
+        return (
+            f"row {row - layout.skipped} of the numbers has another number of columns: {got}, "
+            f"others {expected}"
+        )
+    return error
+
+
+def _table(gathered: Gatherer, source: Path | BytesIO, layout: TextLayout) -> Table:
     batches = []
     with csv.open_csv(
         source,
@@ -111,11 +160,7 @@ def _add_rows(
         for batch in reader:  # a line may be two bytes, and takes eight in each column
             gathered.reserve("the table", (batch.num_rows, batch.num_columns))
             batches.append(batch)
-        table = Table.from_batches(batches, reader.schema)
-    for name, unit in zip(layout.names, layout.units, strict=True):
-        # Null stands where a field is empty.
-        values = table.column(name).to_numpy().astype(np.float64)
-        gathered.add(f"{section}{name}", values, unit)
+        return Table.from_batches(batches, reader.schema)
 
 
 def _read_sections(content: bytes, error: pa.ArrowInvalid) -> Columns:
@@ -131,7 +176,8 @@ def _read_sections(content: bytes, error: pa.ArrowInvalid) -> Columns:
     at, sections = 0, list[tuple[TextLayout, bytes]]()
     while at + 1 < len(lines):  # a last line alone is no section
         try:
-            layout = find_layout(b"".join(lines[at : at + HEAD_LINES])[:HEAD_BYTES])
+            head = b"".join(lines[at : at + HEAD_LINES])[:HEAD_BYTES]
+            layout = find_layout(_whole_lines(head))
         except StudyError:
             break
         if sections and not _continues(layout, sections[0][0], len(sections)):
@@ -303,9 +349,12 @@ def read_parquet(path: Path) -> Columns:
         for key, value in (schema.metadata or {}).items():
             if key in RATE_KEYS:
                 gathered.add(key.decode(), np.asarray(float(value)))
-        for each in kept:  # one column at a time: dictionaries may unfold to all rows
-            values = file.read(columns=[each.name], use_threads=False).column(0)
-            gathered.add(each.name, _floats(values), _unit(each))
+        # One name at a time: dictionaries may unfold to all rows.
+        for name in dict.fromkeys(each.name for each in kept):
+            table = file.read(columns=[name], use_threads=False)
+            for field, values in zip(table.schema, table.columns, strict=True):
+                if field.name == name and _is_number(field.type):
+                    gathered.add(name, _floats(values), _unit(field))
     return gathered.result()
 
 
