@@ -19,6 +19,8 @@ from frictus_service.errors import StudyError
 
 LEFT_S: Final = 86_400.0
 """What is unfinished and so old was left by a process that was killed."""
+MOST_KEPT: Final = 48
+"""Letters of a name in that of what is unfinished; in UTF-8 one takes up to four bytes."""
 READ_S: Final = 0.5
 """How long a reader may keep a file from being replaced, where a file that is open is kept."""
 _NO_LINKS: Final = frozenset({errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP})
@@ -38,13 +40,27 @@ def replace_file(path: Path, content: bytes) -> None:
     OSError
         If the disk refuses; what stood there stands there still.
     """
-    beside = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.tmp")
+    beside = unfinished_beside(path, ".tmp")
     try:
         beside.write_bytes(content)
         put_in_place(beside, path)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+
+
+def unfinished_beside(path: Path, ending: str = ".part") -> Path:
+    """Return a name for what is not finished yet, which nobody takes for a file.
+
+    Parameters
+    ----------
+    path : Path
+        What it is to be called; one as long as a file system takes leaves no room for more.
+    ending : str
+        Of the name.
+    """
+    # Not by process id: in a container it comes again, and meets what a kill left behind.
+    return path.with_name(f".{path.name[:MOST_KEPT]}.{secrets.token_hex(4)}{ending}")
 
 
 def put_in_place(written: Path, path: Path) -> None:
@@ -144,8 +160,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """
     if folder.exists():
         raise StudyError(f"{folder} exists; choose another name, or delete it first")
-    # Not by process id: in a container it comes again, and meets what a kill left behind.
-    unfinished = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.part")
+    unfinished = unfinished_beside(folder)
     unfinished.mkdir(parents=True)
     try:
         yield unfinished

@@ -3,6 +3,7 @@
 Saved beside the file as `FILE.map.toml`, and read from there. Strict: a person answered it.
 """
 
+import errno
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -199,6 +200,22 @@ def map_beside(path: Path) -> Path:
         Of the recording.
     """
     return path.with_name(path.name + SUFFIX)
+
+
+def has_map(path: Path) -> bool:
+    """Return whether the map of a file lies beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the recording.
+    """
+    try:
+        return map_beside(path).is_file()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:  # with the ending of a map: there is none
+            return False
+        raise
 
 
 def load_map(path: Path) -> ColumnMap:

@@ -13,7 +13,13 @@ from typing import Final, Self
 import numpy as np
 
 from frictus_service.data_import.channels import DRIVES
-from frictus_service.data_import.column_map import ColumnMap, load_map, map_beside, map_text
+from frictus_service.data_import.column_map import (
+    ColumnMap,
+    has_map,
+    load_map,
+    map_beside,
+    map_text,
+)
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.data_import.motion import (
@@ -181,7 +187,7 @@ class MappedImporter:
 
     def recognises(self, path: Path) -> bool:
         """Return whether a map lies beside a file."""
-        return path.is_file() and map_beside(path).is_file()
+        return path.is_file() and has_map(path)
 
     def open(self, path: Path) -> MappedStudy:
         """Return the study.

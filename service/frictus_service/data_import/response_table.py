@@ -9,7 +9,7 @@ import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.data_import.channels import UNITS, find_unit, split_name
-from frictus_service.data_import.column_map import map_beside
+from frictus_service.data_import.column_map import has_map
 from frictus_service.data_import.formats.columns import Column, Columns
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.errors import FieldError, StudyError
@@ -60,7 +60,7 @@ def response_of(path: Path) -> ResponseTable | None:
     FieldError
         If a table cannot be used.
     """
-    known = path.is_dir() or map_beside(path).is_file()
+    known = path.is_dir() or has_map(path)
     if known or any(importer.recognises(path) for importer in importers()):
         return None
     try:

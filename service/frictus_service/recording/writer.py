@@ -7,7 +7,6 @@ process or of the machine costs no more. What was written is never touched again
 import contextlib
 import json
 import os
-import secrets
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -19,7 +18,7 @@ from frictus.closing import Closing
 from frictus.files import sync_folder
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
-from frictus_service.durable import put_in_free_place
+from frictus_service.durable import put_in_free_place, unfinished_beside
 from frictus_service.errors import NotWrittenError
 from frictus_service.recording.plain_schema import plain_schema
 from frictus_service.recording.records import (
@@ -306,7 +305,7 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
     """
     if path.exists():
         raise _taken(path)
-    unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    unfinished = unfinished_beside(path)
     try:
         with create(unfinished) as file:
             yield file

@@ -1,7 +1,6 @@
 """Writing a `study/1` file, trial by trial."""
 
 import contextlib
-import secrets
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any, Final, Self
 import h5py
 import numpy as np
 
-from frictus_service.durable import put_in_free_place
+from frictus_service.durable import put_in_free_place, unfinished_beside
 from frictus_service.errors import FieldError, NotWrittenError, StudyError
 from frictus_service.study.hdf5_output import Hdf5Output, not_written
 from frictus_service.study.layout import (
@@ -53,7 +52,7 @@ class StudyWriter:
         self.path = Path(path)
         if self.path.exists():
             raise _exists(self.path)
-        self._unfinished = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.part")
+        self._unfinished = unfinished_beside(self.path)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._output = Hdf5Output(self._unfinished)

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 from pyarrow import parquet
+from tests.service.data_import.conftest import write_csv
 from tests.service.data_import.made import TONES_HZ, Swipes
 from typer.testing import CliRunner
 
@@ -248,3 +249,14 @@ def test_names_of_a_program_that_writes_no_utf_8(tmp_path: Path) -> None:
         group.create_dataset("Kraft längs".encode("latin-1"), data=[1.0, 2.0])
     (column,) = read_columns(path).columns
     assert column.name == "Läufe.Kraft längs"
+
+
+def test_a_name_as_long_as_a_file_system_takes(recorded: Swipes, tmp_path: Path) -> None:
+    """Its map, and what is unfinished, would have longer ones."""
+    path, out = tmp_path / f"{'a' * 251}.csv", tmp_path / f"{'o' * 252}.h5"
+    write_csv(recorded, path)
+    done = CliRunner().invoke(app, ["study", "import", "--yes", str(path), str(out)])
+    assert done.exit_code == 0, done.output
+    assert "keep it elsewhere, and give it with --map" in done.output
+    with open_study(out) as study:
+        assert study.trials

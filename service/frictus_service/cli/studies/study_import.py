@@ -84,7 +84,13 @@ def _quoted(text: str) -> str:
 
 def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool) -> "ColumnMap":
     """Return the map of a file: given, beside it, or proposed and confirmed."""
-    from frictus_service.data_import.column_map import changed, load_map, map_beside, save_map
+    from frictus_service.data_import.column_map import (
+        changed,
+        has_map,
+        load_map,
+        map_beside,
+        save_map,
+    )
     from frictus_service.data_import.formats.read import read_columns
     from frictus_service.data_import.proposal import propose, with_signs
     from frictus_service.data_import.response_table import find_response
@@ -93,7 +99,7 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     if file.is_dir():
         raise StudyError(f"{file} is a folder; give its files")
     beside = map_beside(file)
-    if map_file is not None or beside.is_file():
+    if map_file is not None or has_map(file):
         return changed(load_map(map_file or beside), answers)
     _refuse_known_layouts(file)
     if (size_bytes := file.stat().st_size) > TOLD_BYTES:
