@@ -10,6 +10,7 @@ from typing import Any, Final
 from frictus.errors import UnreadableFileError
 
 MAX_TOML_BYTES: Final = 10_000_000
+_FORMULA: Final = re.compile(r"[=+\-@].")
 _LONG_KEY: Final = re.compile(
     r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}""", re.ASCII
 )
@@ -60,6 +61,23 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
     if len(content) > most_bytes:
         raise UnreadableFileError(errno.EFBIG, f"more than {most_bytes} bytes", path)
     return content
+
+
+def inert_cell(text: str) -> str:
+    """Return the cell of a table that a spreadsheet shows, and does not run as a formula.
+
+    Parameters
+    ----------
+    text : str
+        What begins with ``=``, ``+``, ``-`` or ``@``, and is no number, has ``'`` before it.
+    """
+    if not _FORMULA.match(text):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
 
 
 def read_toml(text: str) -> dict[str, Any]:

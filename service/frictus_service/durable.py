@@ -5,11 +5,13 @@ A reader finds the old content or the new one, never a part of either.
 
 import contextlib
 import errno
+import glob
 import os
+import re
 import secrets
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -40,12 +42,34 @@ def replace_file(path: Path, content: bytes) -> None:
     OSError
         If the disk refuses; what stood there stands there still.
     """
-    beside = unfinished_beside(path, ".tmp")
+    replace_files({path: content})
+
+
+def replace_files(contents: Mapping[Path, bytes]) -> None:
+    """Write files that belong together over what stands there; all are on the disk then.
+
+    All of them are written before any bears its name: a full disk, and nearly every kill,
+    leaves those of before, and no report beside another one's document.
+
+    Parameters
+    ----------
+    contents : mapping of Path to bytes
+        Of each file; its folder exists.
+
+    Raises
+    ------
+    OSError
+        If the disk refuses.
+    """
+    written = {path: unfinished_beside(path, ".tmp") for path in contents}
     try:
-        beside.write_bytes(content)
-        put_in_place(beside, path)
+        for path, content in contents.items():
+            written[path].write_bytes(content)
+        for path, beside in written.items():
+            put_in_place(beside, path)
     except BaseException:
-        beside.unlink(missing_ok=True)
+        for beside in written.values():
+            beside.unlink(missing_ok=True)
         raise
 
 
@@ -138,10 +162,25 @@ def left_behind(folder: Path, prefix: str) -> Iterator[Path]:
     prefix : str
         Of the names of what is unfinished.
     """
-    for left in folder.glob(f"{prefix}*"):
+    for left in folder.glob(f"{glob.escape(prefix)}*"):
         with contextlib.suppress(FileNotFoundError):  # it has just been finished
             if time.time() - left.lstat().st_mtime > LEFT_S:
                 yield left
+
+
+def remove_left_beside(path: Path) -> None:
+    """Remove what those have left who were killed while they wrote a file or a folder.
+
+    Parameters
+    ----------
+    path : Path
+        What `unfinished_beside` was asked for; its folder exists.
+    """
+    prefix = f".{path.name[:MOST_KEPT]}."
+    for left in left_behind(path.parent, prefix):
+        if re.fullmatch(r"[0-9a-f]{8}\.part", left.name.removeprefix(prefix)):
+            with contextlib.suppress(OSError):  # somebody else's, or gone already
+                shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 @contextmanager
@@ -162,6 +201,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
         raise StudyError(f"{folder} exists; choose another name, or delete it first")
     unfinished = unfinished_beside(folder)
     unfinished.mkdir(parents=True)
+    remove_left_beside(folder)
     try:
         yield unfinished
         unfinished.rename(folder)

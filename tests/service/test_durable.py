@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
+from tests.full_disk import full_after
 
-from frictus_service.durable import new_folder, put_in_free_place, replace_file
+from frictus_service.durable import new_folder, put_in_free_place, replace_file, replace_files
 
 SERVICE = Path(__file__).parents[2] / "service"
 
@@ -51,6 +52,15 @@ def test_disk_that_refuses_leaves_the_old_file(
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_files_that_belong_together_are_replaced_once_all_are_written(tmp_path: Path) -> None:
+    """A disk that is full at the second left the first beside what belonged to another."""
+    paths = [tmp_path / "report.html", tmp_path / "report.json"]
+    replace_files(dict.fromkeys(paths, b"old"))
+    with pytest.raises(OSError, match="too large"), full_after(1_000):
+        replace_files({paths[0]: b"new", paths[1]: bytes(2_000)})
+    assert {one: one.read_bytes() for one in tmp_path.iterdir()} == dict.fromkeys(paths, b"old")
+
+
 @pytest.mark.parametrize("links", [True, False])
 def test_a_name_that_is_taken_stays_with_what_bears_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
@@ -80,6 +90,22 @@ def test_what_a_kill_left_of_a_folder_is_in_nobodys_way(tmp_path: Path) -> None:
     with new_folder(folder) as again:
         (again / "trial").write_bytes(b"whole")
     assert (folder / "trial").read_bytes() == b"whole"
+
+
+def test_what_kills_left_of_it_is_removed_after_a_day(tmp_path: Path) -> None:
+    folder = tmp_path / "visit[1]"
+    left = [tmp_path / f".{folder.name}.0123abc{number}.part" for number in range(3)]
+    left[0].mkdir()
+    (left[0] / "trial").write_bytes(b"half of it")
+    left[1].write_bytes(b"of a file")
+    left[2].write_bytes(b"under way")
+    own = tmp_path / f".{folder.name}.notes.part"
+    own.write_bytes(b"of a person")
+    for path in (left[0], left[1], own):
+        os.utime(path, (0.0, 0.0))
+    with new_folder(folder):
+        pass
+    assert set(tmp_path.iterdir()) == {folder, left[2], own}
 
 
 def test_nothing_replaces_files_another_way() -> None:

@@ -5,12 +5,15 @@ Brain Imaging Data Structure 1.10, "Task events": tab-separated, first columns `
 """
 
 import json
+import os
+import secrets
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
 
 from frictus.errors import ArgumentError
 from frictus.experiment.procedures.schedule import NOT_FELT
+from frictus.files import inert_cell
 
 COLUMNS: Final[dict[str, dict[str, Any]]] = {
     "onset": {
@@ -160,11 +163,22 @@ def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, 
     path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
     table = _own_table(path, f"sub-{labels[0]}_task-{labels[1]}", content)
-    table.write_text(content, encoding="utf-8", newline="\n")
     sidecar = table.with_suffix(".json")
     described = {**COLUMNS, "StimulusPresentation": {"SoftwareName": "frictus"}}
-    sidecar.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")
+    _write_whole(sidecar, json.dumps(described, indent=2) + "\n")
+    _write_whole(table, content)
     return table, sidecar
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Write a file over what stands there; whoever is killed meanwhile leaves that."""
+    beside = path.with_name(f".{path.name[:48]}.{secrets.token_hex(4)}.tmp")
+    try:
+        beside.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(beside, path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
 
 
 def _own_table(folder: Path, stem: str, content: str) -> Path:
@@ -179,4 +193,4 @@ def _own_table(folder: Path, stem: str, content: str) -> Path:
 
 def _cell(value: Any) -> str:
     """Return a cell; a tab or a line end in a text would break the table."""
-    return "n/a" if value is None else " ".join(str(value).split())
+    return "n/a" if value is None else inert_cell(" ".join(str(value).split()))

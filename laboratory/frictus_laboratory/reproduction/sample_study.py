@@ -44,9 +44,7 @@ def write_sample_study(path: Path, rng: np.random.Generator) -> Effects:
     effect, name, size = HIDDEN[int(rng.integers(len(HIDDEN)))]
     effects = ((effect, {name: size * float(rng.uniform(*VARIES))}),)
     plans = plan_study(draw_people(PEOPLE, rng), replace(CONDITIONS, effects=effects), rng)
-    under_way = path.with_suffix(".partial")
-    with StudyWriter(under_way, study_info()) as writer:
+    with StudyWriter(path, study_info()) as writer:
         for plan in plans:
             writer.add(simulate_trial(plan), STEPS)
-    under_way.replace(path)
     return effects

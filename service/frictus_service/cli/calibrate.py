@@ -90,6 +90,7 @@ def calibrate(
     import frictus
     from frictus_service.calibration.run import run_calibration
     from frictus_service.cli.guided import Watching
+    from frictus_service.durable import replace_file
 
     target = TargetRig.of(config, router, site, rig)
     lines = wants_lines(as_json)
@@ -118,7 +119,7 @@ def calibrate(
             sys.stderr.write(f"stopped; what is finished is in {folder}: ask again to go on\n")
             raise
     document = folder / "model.json"
-    document.write_bytes(result.model.to_json())
+    replace_file(document, result.model.to_json())
     reference = _publish(target.config.registry.url, result.model) if publish else None
     if lines:
         told = result.model_dump(mode="json", by_alias=True)

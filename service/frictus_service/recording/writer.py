@@ -18,7 +18,11 @@ from frictus.closing import Closing
 from frictus.files import sync_folder
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
-from frictus_service.durable import put_in_free_place, unfinished_beside
+from frictus_service.durable import (
+    put_in_free_place,
+    remove_left_beside,
+    unfinished_beside,
+)
 from frictus_service.errors import NotWrittenError
 from frictus_service.recording.plain_schema import plain_schema
 from frictus_service.recording.records import (
@@ -308,6 +312,7 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
     unfinished = unfinished_beside(path)
     try:
         with create(unfinished) as file:
+            remove_left_beside(path)
             yield file
         put_in_free_place(unfinished, path)
     except FileExistsError as error:

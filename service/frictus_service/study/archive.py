@@ -19,6 +19,7 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
+from frictus.files import inert_cell
 from frictus_hardware.arrays import FloatArray
 from frictus_service.durable import new_folder
 from frictus_service.errors import Exclusion, StudyError
@@ -363,7 +364,8 @@ def _write_events(stem: Path, trials: Sequence[Trial]) -> None:
         table.writeheader()
         for trial in sorted(trials, key=lambda one: onset_of(one, begun)):
             times = {"onset": onset_of(trial, begun), "duration": duration_of(trial)}
-            table.writerow(times | row_of_session(trial))
+            row = row_of_session(trial)
+            table.writerow(times | row | {"trial": inert_cell(row["trial"])})
     explained = {name: {"Description": what} for name, what in (_TIMES | COLUMNS).items()}
     text = json.dumps(explained, indent=2) + "\n"
     stem.with_name(f"{stem.name}.json").write_text(text, encoding="utf-8", newline="\n")

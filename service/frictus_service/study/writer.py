@@ -9,7 +9,7 @@ from typing import Any, Final, Self
 import h5py
 import numpy as np
 
-from frictus_service.durable import put_in_free_place, unfinished_beside
+from frictus_service.durable import put_in_free_place, remove_left_beside, unfinished_beside
 from frictus_service.errors import FieldError, NotWrittenError, StudyError
 from frictus_service.study.hdf5_output import Hdf5Output, not_written
 from frictus_service.study.layout import (
@@ -55,6 +55,7 @@ class StudyWriter:
         self._unfinished = unfinished_beside(self.path)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            remove_left_beside(self.path)
             self._output = Hdf5Output(self._unfinished)
         except OSError as error:
             raise not_written(self.path, error) from error

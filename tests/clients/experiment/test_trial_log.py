@@ -9,7 +9,7 @@ import pytest
 
 from frictus import ArgumentError, NotLoggedError
 from frictus.experiment import read_log, write_events
-from frictus.experiment.events import COLUMNS, event_rows
+from frictus.experiment.events import COLUMNS, event_rows, events_table
 from frictus.experiment.trial_log import FORMAT, TrialLog
 
 HEADER: dict[str, Any] = {"format": FORMAT, "participant": "p/1", "protocol": {"name": "a-b"}}
@@ -100,6 +100,24 @@ def test_events_of_no_trials_are_a_table_all_the_same(tmp_path: Path) -> None:
             write_events(rows, tmp_path)
 
 
+def test_events_that_cannot_be_written_leave_what_stands_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A table of half the trials is one of the log, too: nobody would miss the others."""
+    written = write_events([HEADER], tmp_path)
+    before = [path.read_bytes() for path in written]
+
+    def full(self: Path, *_: object, **__: object) -> int:
+        self.write_bytes(b"half")
+        raise OSError("no room")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match="no room"):
+        write_events([HEADER], tmp_path)
+    assert [path.read_bytes() for path in written] == before
+    assert set(tmp_path.iterdir()) == set(written)
+
+
 def test_the_way_of_a_trial_is_that_of_all_its_intervals() -> None:
     """Of 40 and 60 mm it was the mean, 50."""
 
@@ -127,6 +145,10 @@ def test_the_way_of_a_trial_is_that_of_all_its_intervals() -> None:
     }
     (row,) = event_rows([{**trial, "intervals": [interval(40.0), interval(60.0, 50.0)]}])
     assert (row["path_mm"], row["speed_mm_s"]) == (100.0, 40.0)
+    named = {**trial, "recording": "=A1", "response": "-3", "intervals": [interval(40.0)]}
+    cells = events_table([named]).splitlines()[1].split("\t")
+    assert cells[list(COLUMNS).index("recording")] == "'=A1"
+    assert cells[list(COLUMNS).index("response")] == "-3"
     (untouched,) = event_rows([{**trial, "intervals": [interval(None)]}])
     assert untouched["path_mm"] is None
     assert untouched["unit"] == "dB"  # of its levels: conditions may differ

@@ -112,6 +112,19 @@ def test_events_list_the_trials_and_their_columns_are_explained(archive: Path) -
     assert list(explained) == list(rows[0]) == ["onset", "duration", *COLUMNS]
 
 
+def test_a_trial_that_is_called_like_a_formula_is_none_in_a_spreadsheet(
+    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path
+) -> None:
+    names = ["=1+1", "+A1", "@SUM(A1)", "-A1", "-1.5", "-", "a=b"]
+    trials = [make_trial(name, order=order) for order, name in enumerate(names)]
+    with StudyReader(write_study(*trials)) as opened:
+        export_archive(opened, tmp_path / "out")
+    (table,) = (tmp_path / "out").rglob("*_events.tsv")
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file, delimiter="\t"))
+    assert [row["trial"] for row in rows] == [f"'{name}" for name in names[:4]] + names[4:]
+
+
 def test_tones_are_written_in_full(make_trial: MakeTrial) -> None:
     """Six digits made 123.457 Hz of 123.4567, and a broadband drive was said to be none."""
     tones_hz = (123.4567, 250.0, 1.0 / 3.0)

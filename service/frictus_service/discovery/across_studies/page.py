@@ -15,7 +15,7 @@ from frictus_service.discovery.across_studies.document import (
 from frictus_service.discovery.catalogue.cause import NO_UNIT, title
 from frictus_service.discovery.document import DOCUMENT, REPORT
 from frictus_service.discovery.report.page import model_in_words
-from frictus_service.durable import replace_file
+from frictus_service.durable import replace_files
 from frictus_service.identification.report.html import FIT, GRID, fill, picture
 
 VERDICTS: Final = {
@@ -41,8 +41,7 @@ def write(found: AcrossStudies, folder: Path) -> list[Path]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     contents = {folder / REPORT: render(found).encode(), folder / DOCUMENT: found.to_json()}
-    for path, content in contents.items():
-        replace_file(path, content)
+    replace_files(contents)
     return list(contents)
 
 

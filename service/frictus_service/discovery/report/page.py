@@ -31,7 +31,7 @@ from frictus_service.discovery.report.residuals import (
     remaining,
     residual_bode,
 )
-from frictus_service.durable import replace_file
+from frictus_service.durable import replace_file, replace_files
 from frictus_service.identification.report.html import fill, number, picture
 
 
@@ -175,13 +175,12 @@ def write(found: Discovery, folder: Path) -> list[Path]:
         folder / REPORT: render(found).encode(),
         folder / DOCUMENT: found.to_json(),
     }
-    if found.verdict is None:
-        (folder / MODEL).unlink(missing_ok=True)  # of an earlier run: nothing was tested
-    else:
+    if found.verdict is not None:
         model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
         contents[folder / MODEL] = model.encode()
-    for path, content in contents.items():
-        replace_file(path, content)
+    replace_files(contents)
+    if found.verdict is None:
+        (folder / MODEL).unlink(missing_ok=True)  # of an earlier run: nothing was tested
     return list(contents)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from frictus.model import Model
-from frictus_service.durable import replace_file
+from frictus_service.durable import replace_files
 from frictus_service.errors import Exclusion
 from frictus_service.identification.documents import (
     PARAMETERS,
@@ -345,11 +345,10 @@ def write(
     }
     for name, model in named_models(found):
         contents[models / f"{name}.json"] = _readable(model)
+    replace_files(contents)
     for stale in (each for pattern in NAMED for each in models.glob(pattern)):
         if stale not in contents:
             stale.unlink()  # of an earlier run: its participant is no longer in the study
-    for path, content in contents.items():
-        replace_file(path, content)
     return list(contents)
 
 
