@@ -182,6 +182,10 @@ class JobStateError(JobError, RuntimeError):
     """The job is in a state that does not allow this; the text names it."""
 
 
+class JobElsewhereError(JobStateError):
+    """Another process runs the job."""
+
+
 class RigInExperimentError(JobError, RuntimeError):
     """An experiment is under way on this rig."""
 

@@ -21,7 +21,8 @@ from pydantic import ValidationError
 
 from frictus.lenient import Exact
 from frictus_service.durable import replace_file
-from frictus_service.errors import JobStateError, UnknownJobError
+from frictus_service.errors import JobElsewhereError, JobStateError, UnknownJobError
+from frictus_service.job_locks import hold, let_go
 
 State = Literal["queued", "running", "interrupted", "cancelled", "failed", "done"]
 ACTIVE: Final[tuple[State, ...]] = ("queued", "running")
@@ -46,7 +47,9 @@ Job = TypeVar("Job", bound=FolderJob)
 
 
 class JobFolder(Generic[Job]):
-    """Keeps the jobs of one kind; one process per folder writes it, from any of its threads.
+    """Keeps the jobs of one kind; one process writes each job, from any of its threads.
+
+    Which one is said by who holds it (`job_locks`), from when it is queued until it has ended.
 
     Parameters
     ----------
@@ -112,11 +115,13 @@ class JobFolder(Generic[Job]):
         folder = self.folder(job.id)
         with self._lock:
             folder.mkdir(parents=True)
+            hold(folder.parent, job.id)
             try:
                 for name, content in (files or {}).items():
                     replace_file(folder / name, content)
                 self._keep(job)
             except BaseException:  # a job that was not accepted is none
+                let_go(folder.parent, job.id)
                 shutil.rmtree(folder, ignore_errors=True)
                 raise
         return job
@@ -169,29 +174,41 @@ class JobFolder(Generic[Job]):
         Raises
         ------
         UnknownJobError, JobStateError
+        JobElsewhereError
+            If another process runs it.
         """
         with self._lock:
             try:
                 found = self._read(job)
             except UnknownJobError:
                 self.changes += 1  # whoever follows it learns that it is gone
+                let_go(self._root.absolute(), job)
                 raise
             if found.state not in of:
                 raise JobStateError(
                     f"{self.kind} {job} is {found.state}: this is for one that is "
                     f"{' or '.join(of)}"
                 )
+            if not hold(self._root.absolute(), job):
+                raise JobElsewhereError(
+                    f"{self.kind} {job} is run by another API that works in the same folder: "
+                    "ask that one, or end it; each API has a folder of studies of its own"
+                )
             now = {"state": to, "updated_utc_ns": time.time_ns(), "failure": None}
             changed = found.model_copy(update=now | fields)
             self._keep(changed)
+            if to not in ACTIVE:
+                let_go(self._root.absolute(), job)
         return changed
 
     def interrupt(self) -> None:
-        """Note that whatever ran, or waited, does so no more."""
+        """Note that whatever ran, or waited, does so no more, but for what another API runs."""
         for job in self.all():
             if job.state in ACTIVE:
                 try:
                     self.change(job.id, "interrupted", of=ACTIVE)
+                except JobElsewhereError as error:
+                    _LOG.warning("%s", error)
                 except OSError as error:  # what can be read is served nevertheless
                     _LOG.warning("%s %s cannot be kept: %s", self.kind, job.id, error)
 
