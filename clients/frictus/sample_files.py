@@ -21,6 +21,8 @@ MAX_WAV_SAMPLES: Final = 8_000_000
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 ACCEPTED_BITS: Final = {PCM: (8, 16, 24, 32), FLOAT: (32, 64)}
 """By the format code of a WAV file."""
+MAX_WAV_CHUNKS: Final = 1000
+"""Before that of the samples."""
 MAX_TEXT_BYTES: Final = 10_000_000
 MAX_CSV_COLUMNS: Final = 100
 """Looked at; a header may have more than the samples."""
@@ -96,7 +98,9 @@ def read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
 def _wav_format(file: BinaryIO, path: Path) -> tuple[bytes, int]:
     """Read up to the first sample; return the format chunk and how many bytes follow."""
     form = b""
-    while len(chunk := file.read(8)) == 8:
+    for _ in range(MAX_WAV_CHUNKS):  # a file of zeros is nothing but empty chunks
+        if len(chunk := file.read(8)) < 8:
+            break
         size = int.from_bytes(chunk[4:], "little")
         if chunk[:4] == b"data":
             require(len(form) >= 16, f"{path.name} is not a WAV file: it tells no format")

@@ -219,6 +219,17 @@ def test_a_garbage_wav_is_a_texture_error(
         pass
 
 
+@pytest.mark.timeout(20)
+def test_a_wav_that_was_never_written_is_refused_at_once(tmp_path: Path) -> None:
+    """Its room was reserved, and reads as empty chunks: of 3 GB for more than a minute."""
+    path = tmp_path / "reserved.wav"
+    with path.open("wb") as file:
+        file.write(b"RIFF\0\0\0\0WAVE")
+        file.truncate(3 << 30)
+    with pytest.raises(TextureError, match="no chunk 'data'"):
+        load_texture(path, speed_mm_s=40.0)
+
+
 def test_a_texture_document_is_read_as_it_stands(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text('{"kind": "slope", "peak_hz": 100, "low_order": 2, "high_order": 2,'

@@ -242,6 +242,13 @@ def test_trials_in_an_array_of_more_dimensions_are_refused_with_what_to_do(
         read_columns(path)
 
 
+def test_a_wav_that_was_never_written_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "reserved.wav"
+    path.write_bytes(b"RIFF\0\0\0\0WAVE" + bytes(4_000))
+    with pytest.raises(StudyError, match="no format or no samples"):
+        read_columns(path)
+
+
 @pytest.mark.parametrize("rate_hz", [np.nan, np.inf, -2e4, 0.0])
 def test_a_sample_rate_that_is_none(rate_hz: float, tmp_path: Path) -> None:
     path = tmp_path / "daq.h5"

@@ -33,6 +33,10 @@ def read_wav(path: Path) -> Columns:
             rate_hz, samples = wavfile.read(path)
         except wavfile.WavFileWarning as error:
             raise StudyError(f"it is cut short ({error}); restore it from a copy") from error
+        except UnboundLocalError as error:  # what scipy raises then
+            raise StudyError(
+                "it has no format or no samples; restore it from a copy"
+            ) from error
     matrix = samples.reshape(samples.shape[0], -1)
     names = [f"channel {number}" for number in range(1, matrix.shape[1] + 1)]
     for number, name in enumerate(names):
