@@ -21,6 +21,8 @@ from frictus_service.errors import FieldError, StudyError
 
 MAX_WHOLE: Final = 2.0**53
 """A float, as MATLAB writes it, tells greater whole numbers from one another no more."""
+MAX_TOLD: Final = 120
+"""Letters of a value that are repeated: an attribute holds 64 kB and more."""
 Plain = str | float | int | tuple[float, ...]
 
 
@@ -50,6 +52,12 @@ def _plain(value: Any) -> Plain | None:
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
 
+def as_told(value: object) -> str:
+    """Return a value as a sentence repeats it: no more of it than a line."""
+    told = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
+    return told if len(told) <= MAX_TOLD else f"{told[: MAX_TOLD - 3]}..."
+
+
 def text(attributes: Mapping[str, Any], name: str) -> str:
     """Return an attribute that is text and not empty.
 
@@ -59,7 +67,7 @@ def text(attributes: Mapping[str, Any], name: str) -> str:
     """
     value = _present(attributes, name)
     if not isinstance(value, str) or not value.strip():
-        raise FieldError(name, f"is {value!r}; accepted: text")
+        raise FieldError(name, f"is {as_told(value)}; accepted: text")
     return value
 
 
@@ -73,7 +81,8 @@ def shown(attributes: Mapping[str, Any], name: str) -> str:
     value = text(attributes, name)
     if not value.isprintable():
         raise FieldError(
-            name, f"is {value!a}; accepted: text without control or formatting characters"
+            name,
+            f"is {as_told(value)}; accepted: text without control or formatting characters",
         )
     return value
 
@@ -89,7 +98,7 @@ def number(attributes: Mapping[str, Any], name: str, default: float | None = Non
         return default
     value = _present(attributes, name)
     if not isinstance(value, int | float) or not math.isfinite(value):
-        raise FieldError(name, f"is {value!r}; accepted: one finite number")
+        raise FieldError(name, f"is {as_told(value)}; accepted: one finite number")
     return float(value)
 
 
@@ -115,7 +124,9 @@ def numbers(attributes: Mapping[str, Any], name: str) -> tuple[float, ...]:
     """
     value = _present(attributes, name)
     if isinstance(value, str) or value is None:
-        raise FieldError(name, f"is {value!r}; accepted: a number or an array of numbers")
+        raise FieldError(
+            name, f"is {as_told(value)}; accepted: a number or an array of numbers"
+        )
     return value if isinstance(value, tuple) else (float(value),)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import FieldError
+from frictus_service.study.hdf5 import as_told
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 
@@ -154,7 +155,7 @@ def instant(started_utc: str) -> datetime:
     if not 2 <= started.year <= 9998:
         raise FieldError(
             "started_utc",
-            f"is {started_utc!r}; accepted: ISO 8601 of the years 2 to 9998, as "
+            f"is {as_told(started_utc)}; accepted: ISO 8601 of the years 2 to 9998, as "
             "2026-01-31T12:00:00Z",
         )
     return started

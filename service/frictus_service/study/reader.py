@@ -190,7 +190,8 @@ def _source(stored: Stored | None) -> Literal["command", "monitor"]:
     source = hdf5.text(stored.attributes, "source")
     if source not in ("command", "monitor"):
         raise FieldError(
-            "voltage_v", f"has source = {source!r}; accepted: 'command' or 'monitor'"
+            "voltage_v",
+            f"has source = {hdf5.as_told(source)}; accepted: 'command' or 'monitor'",
         )
     return cast(Literal["command", "monitor"], source)
 
@@ -325,7 +326,7 @@ class StudyReader(Closing):
 def _read_info(held: Mapping[str, Any]) -> StudyInfo:
     schema = hdf5.text(held, "schema")
     if schema != SCHEMA:
-        raise FieldError("schema", f"is {schema!r}; accepted: {SCHEMA!r}")
+        raise FieldError("schema", f"is {hdf5.as_told(schema)}; accepted: {SCHEMA!r}")
     mount_json = hdf5.text(held, "mount") if "mount" in held else None
     late = "positions_late_s"
     info = StudyInfo(

@@ -233,7 +233,7 @@ def mount_text(info: StudyInfo) -> str | None:
 def _polynomial(lateral: dict[str, Any], name: str) -> tuple[float, ...]:
     found = lateral.get(name)
     if not isinstance(found, list) or not found:
-        raise FieldError("mount", f"lateral.{name} is {found!r}; {ACCEPTED}")
+        raise FieldError("mount", f"lateral.{name} is {repr(found)[:120]}; {ACCEPTED}")
     numeric = all(
         isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         for value in found

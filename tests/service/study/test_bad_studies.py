@@ -362,6 +362,16 @@ def test_a_bad_root_is_refused(
     path.unlink()  # on Windows this fails where the file was left open
 
 
+@pytest.mark.parametrize("name", ["schema", "carrier_hz"])
+def test_a_value_of_a_page_is_not_repeated_whole(name: str, write_study: WriteStudy) -> None:
+    path = write_study()
+    with h5py.File(path, "r+") as file:
+        file.attrs[name] = 30_000 * "x"
+    with pytest.raises(StudyError, match=r"'xxx+\.\.\.; accepted") as refused:
+        StudyReader(path)
+    assert len(str(refused.value)) < 400 + len(str(path))
+
+
 def test_a_study_without_a_trial_is_refused(write_study: WriteStudy) -> None:
     with pytest.raises(StudyError, match="holds no trial"):
         StudyReader(write_study())
