@@ -65,8 +65,11 @@ def replace_files(contents: Mapping[Path, bytes]) -> None:
     try:
         for path, content in contents.items():
             written[path].write_bytes(content)
-        for path, beside in written.items():
-            put_in_place(beside, path)
+            _sync_file(written[path])
+        for path, beside in written.items():  # at once: a disk is slow to keep anything
+            _rename(beside, path)
+        for folder in dict.fromkeys(path.parent for path in contents):
+            sync_folder(folder)
     except BaseException:
         for beside in written.values():
             beside.unlink(missing_ok=True)
@@ -98,16 +101,20 @@ def put_in_place(written: Path, path: Path) -> None:
         What it is to be called; what stands there is replaced.
     """
     _sync_file(written)
+    _rename(written, path)
+    sync_folder(path.parent)
+
+
+def _rename(written: Path, path: Path) -> None:
     until_s = time.monotonic() + READ_S
     while True:
         try:
             os.replace(written, path)
-            break
+            return
         except PermissionError:  # of Windows, while another thread or process reads the file
             if time.monotonic() >= until_s:
                 raise
             time.sleep(0.01)
-    sync_folder(path.parent)
 
 
 def put_in_free_place(written: Path, path: Path) -> None:
