@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.textures import Component, Spectrum
+from frictus_service.durable import replace_files
 
 RATE_HZ = 20_000.0
 SPEED_MM_S = 40.0
@@ -70,9 +71,11 @@ def main() -> None:
     for path in sorted(folder.glob("*_filt.csv")):
         name = path.stem.removesuffix("_filt").lower()
         textures[name] = fit(np.loadtxt(path), rng)
+    documents = {}
     for name, texture in textures.items():
         text = texture.model_dump_json(exclude_defaults=False, exclude_none=True)
-        (OUT / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+        documents[OUT / f"{name}.json"] = f"{text}\n".encode()
+    replace_files(documents)
 
 
 if __name__ == "__main__":
