@@ -186,6 +186,10 @@ class JobElsewhereError(JobStateError):
     """Another process runs the job."""
 
 
+class TooManyJobsError(JobError, RuntimeError):
+    """As many jobs wait for their turn as may."""
+
+
 class RigInExperimentError(JobError, RuntimeError):
     """An experiment is under way on this rig."""
 

@@ -29,6 +29,7 @@ from frictus_service.api.http_forms import Middleware
 from frictus_service.api.problems import (
     REFUSALS,
     ApiError,
+    BusyError,
     CalibrationNotFoundError,
     ConflictError,
     DamagedFileError,
@@ -84,6 +85,7 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     service.UnknownDiscoveryError: DiscoveryNotFoundError,
     service.UnknownExperimentError: ExperimentNotFoundError,
     service.JobStateError: WrongStateError,
+    service.TooManyJobsError: BusyError,
     service.RigInExperimentError: RigCalibratingError,
     service.UnknownModelError: ModelNotFoundError,
     service.UnknownCalibrationError: CalibrationNotFoundError,

@@ -12,9 +12,12 @@ from frictus_service.discovery.jobs import (
     DiscoverySpec,
     DiscoveryStore,
 )
+from frictus_service.errors import TooManyJobsError
 from frictus_service.jobs.engine import JobEngine
 from frictus_service.jobs.process import ParentLink, Work
 
+MOST: Final = 100
+"""That run or wait for their turn; of one person, half of them."""
 DISCOVER: Final = "frictus_service.discovery.jobs:carry_out"
 
 
@@ -61,10 +64,17 @@ class DiscoveryEngine(JobEngine[DiscoveryJob]):
 
         Raises
         ------
-        UnknownStudyError
+        UnknownStudyError, TooManyJobsError
         """
         self.recover()
         with self._lock:
+            theirs = [each.job.created_by == by for each in self._jobs.values()]
+            if len(theirs) >= MOST or sum(theirs) >= MOST // 2:
+                raise TooManyJobsError(
+                    f"{len(theirs)} discoveries run or wait for their turn, {sum(theirs)} of "
+                    f"them yours; accepted: {MOST}, and {MOST // 2} of one person. Cancel "
+                    "some, or ask again once some have ended"
+                )
             job = self.store.create(spec, by)
             self._launch(job)
         return job

@@ -1,5 +1,7 @@
 """One file of each format, made by the format's own library, becomes the study it holds."""
 
+import gzip
+import zipfile
 from pathlib import Path
 
 import h5py
@@ -116,6 +118,20 @@ def test_a_folder_and_a_missing_file_are_sentences(tmp_path: Path) -> None:
     for path, sentence in (
         (Path(), "is a folder"),
         (tmp_path / "none.csv", "there is no file"),
+    ):
+        code, _, told = run(path, tmp_path / "a.h5", "--yes")
+        assert code == 2
+        assert sentence in told
+
+
+def test_packed_files_and_workbooks_are_told_what_to_do_first(tmp_path: Path) -> None:
+    gzipped, workbook = tmp_path / "a.csv", tmp_path / "b.xlsx"
+    gzipped.write_bytes(gzip.compress(b"t,x\n0,1\n"))
+    with zipfile.ZipFile(workbook, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    for path, sentence in (
+        (gzipped, "is packed by gzip; unpack it"),
+        (workbook, "save the sheet as CSV"),
     ):
         code, _, told = run(path, tmp_path / "a.h5", "--yes")
         assert code == 2

@@ -24,6 +24,7 @@ from frictus_service.errors import (
     RegistryUnavailableError,
     RigBusyError,
     RigInExperimentError,
+    TooManyJobsError,
     UnknownCalibrationError,
     UnknownJobError,
 )
@@ -210,6 +211,26 @@ def test_one_that_runs_is_cancelled_once_it_has_ended(service: Service) -> None:
         service.engine.cancel(job)
     with pytest.raises((UnknownJobError, UnknownCalibrationError)):
         service.engine.cancel("0-0")
+
+
+@pytest.mark.parametrize("service", [Discovering], indirect=True)
+def test_discoveries_that_wait_are_bounded_of_one_person_and_of_all(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discoveries, "MOST", 4)
+    spec = DiscoverySpec(study=STUDY, seed=1)
+    first, second = (service.engine.start(spec, by="ann").id for _ in range(2))
+    with pytest.raises(TooManyJobsError, match="2 of them yours; accepted: 4, and 2 of one"):
+        service.engine.start(spec, by="ann")
+    service.engine.start(spec, by="bob")
+    service.engine.start(spec, by="eve")
+    with pytest.raises(TooManyJobsError, match="4 discoveries run or wait"):
+        service.engine.start(spec, by="joe")
+    assert len(service.engine.store.all()) == 4
+    service.engine.cancel(second)
+    service.engine.start(spec, by="joe")
+    service.allow(first)
+    assert service.end_of(first) == "done"
 
 
 def test_one_that_has_just_ended_is_not_cancelled(service: Service) -> None:

@@ -202,3 +202,7 @@ def test_the_command_says_where_file_and_layout_are(recording: Path) -> None:
     assert json.loads(Path(told["layout"]).read_text(encoding="utf-8"))["configById"]
     again = CliRunner().invoke(app, ["export", str(recording), "--to", "foxglove"])
     assert again.exit_code == Exit.USAGE, "nothing is written over"
+    Path(told["layout"]).write_text("of the laboratory", encoding="utf-8")
+    Path(told["out"]).unlink()
+    CliRunner().invoke(app, ["export", str(recording), "--to", "foxglove"])
+    assert Path(told["layout"]).read_text(encoding="utf-8") == "of the laboratory"

@@ -266,7 +266,8 @@ def _plottable(
 
     done = export_foxglove(file, path, begin, end)
     layout = path.with_name("frictus_layout.json")
-    layout.write_bytes(LAYOUT.read_bytes())
+    if not layout.exists():  # that of an earlier export may have been changed since
+        layout.write_bytes(LAYOUT.read_bytes())
     if wants_lines(as_json):
         write_line(
             out=str(path),

@@ -21,6 +21,11 @@ _SIGNATURES: Final[dict[bytes, Callable[[Path], Columns]]] = {
     b"PAR1": tables.read_parquet,
     b"TDSm": signals.read_tdms,
 }
+_PACKED: Final = {
+    b"\x1f\x8b": "is packed by gzip; unpack it",
+    b"PK\x03\x04": "is an Excel workbook or a zip archive; save the sheet as CSV, or unpack it",
+    b"\xd0\xcf\x11\xe0": "is an Excel workbook; save the sheet as CSV",
+}
 
 
 def read_columns(path: Path) -> Columns:
@@ -64,6 +69,9 @@ def _reader(path: Path) -> Callable[[Path], Columns]:
     for signature, reader in _SIGNATURES.items():
         if head.startswith(signature):
             return reader
+    for signature, what in _PACKED.items():
+        if head.startswith(signature):
+            raise StudyError(f"{path} {what}; {ACCEPTED}")
     if head.startswith(b"MATLAB 7.3") or head[512:].startswith(b"\x89HDF"):
         return arrays.read_hdf5
     if head.startswith(b"MATLAB 5.0") or path.suffix.lower() == ".mat":

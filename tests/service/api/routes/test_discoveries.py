@@ -21,6 +21,7 @@ from frictus_service.api.server import build_app
 from frictus_service.discovery.across_studies.document import AcrossStudies
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.jobs import DiscoverySpec, DiscoveryStore
+from frictus_service.jobs import discoveries
 
 RUN = "tests.service.jobs.stepwise_discovery:run"
 ROOT = Path(__file__).parents[4]
@@ -121,6 +122,19 @@ def test_one_runs_at_a_time_and_each_can_be_cancelled(api: TestClient, studies: 
     assert states(follow(api, third)) == ["queued", "running", "failed"]
     listed = api.get("/v1/discoveries").json()["discoveries"]
     assert [f"/v1/discoveries/{one['id']}" for one in listed] == [third, second, first]
+
+
+def test_more_than_may_wait_are_asked_to_come_again(
+    api: TestClient, studies: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discoveries, "MOST", 2)
+    stepwise_discovery.allow(studies, 1)  # until it is cancelled
+    first = start(api).headers["location"]
+    refused = start(api)
+    assert (refused.status_code, refused.json()["code"]) == (503, "busy")
+    assert "Cancel some, or ask again" in refused.json()["detail"]
+    api.delete(first)
+    assert states(follow(api, first))[-1] == "cancelled"
 
 
 def test_failures_say_why(api: TestClient) -> None:
