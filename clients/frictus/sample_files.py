@@ -147,7 +147,7 @@ def read_csv(
         if not any(cells):
             continue
         try:
-            row = [float(cell) for cell in cells]
+            row = [float(cell.replace("_", "?")) for cell in cells]  # 1_0 is no number
         except ValueError:
             require(
                 first_line,

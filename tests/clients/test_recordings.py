@@ -142,6 +142,7 @@ def test_two_columns_bring_their_own_rate(tmp_path: Path) -> None:
         ("header\n", "0 samples; at least 2"),
         ("1\n", "1 samples; at least 2"),
         ("1\n2\nx\n", "line 3: 'x' is not numbers"),
+        ("1\n1_0\n", "line 2: '1_0' is not numbers"),
         ("1\n\n\nNaN\n", "line 4: NaN"),
         ("1\ninf\n", "line 2: NaN and infinities"),
         ("1\n1e999\n", "line 2: NaN and infinities"),

@@ -309,7 +309,11 @@ class _Mapped:
         clock = self._map.channels.get("time")
         if clock is None:
             return 0.0
-        return float(_kept(self._column("time", clock), clock)[0])
+        time_s = _kept(self._column("time", clock), clock)
+        there = time_s[np.isfinite(time_s)]
+        if not there.size:
+            raise FieldError("time", "has no number; accepted: rising times, or none (time=)")
+        return float(there[0])
 
     def _sampled(self, name: str) -> Sampled | None:
         """Return a channel in its unit, on a regular grid; None where it is not mapped."""

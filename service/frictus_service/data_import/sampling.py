@@ -61,6 +61,7 @@ def on_grid(time_s: FloatArray, values: FloatArray, said_hz: float | None = None
     Parameters
     ----------
     time_s, values : ndarray, shape (n,)
+        Rows without a time are left out; their samples are missing.
     said_hz : float or None
         What the rate must be.
 
@@ -69,6 +70,8 @@ def on_grid(time_s: FloatArray, values: FloatArray, said_hz: float | None = None
     FieldError
         If the times do not rise regularly, gaps aside.
     """
+    timed = np.flatnonzero(np.isfinite(time_s))
+    time_s, values = time_s[timed], values[timed]
     steps = np.diff(time_s)
     # Of two middle ones, one: their mean may be no step at all.
     step_s = float(np.quantile(steps, 0.5, method="lower")) if steps.size else np.nan
@@ -87,19 +90,20 @@ def on_grid(time_s: FloatArray, values: FloatArray, said_hz: float | None = None
         )
     place = np.rint((time_s - time_s[0]) * rate_hz)
     rises = np.diff(place) >= 1.0
-    if not np.all(np.isfinite(place)) or not np.all(rises):
+    if not np.all(rises):
         at = int(np.argmin(rises)) + 1
         if time_s[at] == time_s[at - 1]:
             raise FieldError(
                 "time",
-                f"is {time_s[at]:.9g} s in row {at} and in the next: it is rounded to coarser "
-                f"steps than the samples; where none is missing leave it away (time=) and give "
-                f"rate_hz, which is {rate_hz:.6g} by the rows before",
+                f"is {time_s[at]:.9g} s in row {timed[at]} and in the next: it is rounded to "
+                "coarser steps than the samples; where none is missing leave it away (time=) "
+                f"and give rate_hz, which is {rate_hz:.6g} by the rows before",
             )
         raise FieldError(
             "time",
-            f"is not regular at row {at}: {time_s[at - 1]:.9g} s, then {time_s[at]:.9g} s at "
-            f"{rate_hz:.6g} Hz; accepted: regular samples, gaps allowed; resample them",
+            f"is not regular at row {timed[at]}: {time_s[at - 1]:.9g} s, then "
+            f"{time_s[at]:.9g} s at {rate_hz:.6g} Hz; accepted: regular samples, gaps allowed; "
+            "resample them",
         )
     count = int(place[-1]) + 1
     if count == values.size:

@@ -160,6 +160,15 @@ def test_a_damaged_map_gives_a_sentence(text: str, sentence: str, tmp_path: Path
         load_map(path)
 
 
+def test_rows_without_a_time_are_missing_samples() -> None:
+    time_s = np.array([np.nan, 0.0, 1.0, np.nan, 3.0, 4.0])
+    found = on_grid(time_s, np.arange(6.0))
+    assert (found.rate_hz, found.missing) == (1.0, 1)
+    np.testing.assert_array_equal(found.values, [1.0, 2.0, np.nan, 4.0, 5.0])
+    with pytest.raises(StudyError, match="not regular at row 4"):
+        on_grid(np.array([np.nan, 0.0, 1.0, 2.0, 1.5, 4.0]), np.zeros(6))
+
+
 def test_the_step_of_few_rows_is_one_of_theirs() -> None:
     found = on_grid(np.array([0.0, 1.0, 4.0]), np.zeros(3))
     assert (found.rate_hz, found.missing) == (1.0, 2)
