@@ -65,6 +65,8 @@ class Person:
     gain_n, cutoff_hz : float
         At 60 mm/s and 0.4 N.
     slope_hz_per_mm_s : float
+    speed_exponent, force_exponent : float
+        Of the gain, this person's own, beside what is hidden.
     friction_coefficient : float
     skin : Rational
         From force to acceleration.
@@ -76,6 +78,8 @@ class Person:
     gain_n: float
     cutoff_hz: float
     slope_hz_per_mm_s: float
+    speed_exponent: float
+    force_exponent: float
     friction_coefficient: float
     skin: Rational
     world: World
@@ -100,7 +104,7 @@ def draw_person(
     rng : numpy.random.Generator
     """
     cutoff_hz = CUTOFF_HZ * _around_one(spread.cutoff, rng)
-    of_speed, of_force = spread.gain_exponent * rng.standard_normal(2)
+    of_speed, of_force = (spread.gain_exponent * rng.standard_normal(2)).tolist()
     world = World().with_gain(
         lambda m: (m.speed_mm_s / V0_MM_S) ** of_speed * (m.normal_force_n / F0_N) ** of_force
     )
@@ -123,6 +127,8 @@ def draw_person(
         gain_n=GAIN_N * _around_one(spread.gain, rng),
         cutoff_hz=cutoff_hz,
         slope_hz_per_mm_s=slope if has_slope else 0.0,
+        speed_exponent=of_speed,
+        force_exponent=of_force,
         friction_coefficient=0.3 * _around_one(spread.friction, rng),
         skin=with_second_mode(own_skin, **in_skin) if in_skin else own_skin,
         world=world,

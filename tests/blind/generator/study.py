@@ -54,6 +54,9 @@ class Seeds:
     others: int | None = None
 
 
+Levels = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+
+
 def make_study(
     path: Path,
     case: Case,
@@ -79,20 +82,7 @@ def make_study(
     """
     design = case.design
     spread, sensors = spread or Spread(), sensors or Sensors()
-    of_people = np.random.default_rng(seeds.people)
-    levels = (
-        draw_tones(design, of_people),
-        draw_speeds(design, of_people),
-        draw_forces(design, of_people),
-    )
-    if seeds.others is not None:
-        of_people = np.random.default_rng(seeds.others)
-    people = [
-        draw_person(
-            f"P{number + 1:02d}", case.hidden, spread, design.base == "paper", of_people
-        )
-        for number in range(design.participants)
-    ]
+    levels, people = draw_people(case, seeds, spread)
     rng = np.random.default_rng(seeds.trials)
     of_faults = np.random.default_rng([seeds.trials, 1])
     began = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=int(rng.integers(2000)))
@@ -117,6 +107,21 @@ def make_study(
         "forces_n": forces_n,
         "people": [_told(person) for person in people],
     }
+
+
+def draw_people(case: Case, seeds: Seeds, spread: Spread) -> tuple[Levels, list[Person]]:
+    """Return tones in Hz, speeds in mm/s and forces in N of a study, and its people."""
+    design = case.design
+    rng = np.random.default_rng(seeds.people)
+    levels = draw_tones(design, rng), draw_speeds(design, rng), draw_forces(design, rng)
+    if seeds.others is not None:
+        rng = np.random.default_rng(seeds.others)
+    has_slope = design.base == "paper"
+    people = [
+        draw_person(f"P{number + 1:02d}", case.hidden, spread, has_slope, rng)
+        for number in range(design.participants)
+    ]
+    return levels, people
 
 
 def study_info() -> StudyInfo:
