@@ -33,6 +33,14 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture
+def nothing_frozen() -> Iterator[None]:
+    """Of a test that asks what is: the tests themselves are, else."""
+    gc.unfreeze()
+    yield
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def single_threaded() -> Iterator[None]:
     """Matrices are small here: threads wait for each other longer than they work."""

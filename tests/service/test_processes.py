@@ -1,19 +1,12 @@
 """What processes do with the garbage collector, which stops all of their threads."""
 
 import gc
-from collections.abc import Iterator
 
 import pytest
 
 from frictus_service.processes import existing_objects_frozen, garbage_collection_off
 
-
-@pytest.fixture(autouse=True)
-def nothing_frozen() -> Iterator[None]:
-    """The tests themselves are, else."""
-    gc.unfreeze()
-    yield
-    gc.freeze()
+pytestmark = pytest.mark.usefixtures("nothing_frozen")
 
 
 class Node:

@@ -65,6 +65,7 @@ def test_a_rig_that_is_well_passes() -> None:
     assert backend.health() == "not open"
 
 
+@pytest.mark.usefixtures("nothing_frozen")
 def test_no_garbage_is_collected_while_a_rig_plays() -> None:
     passes: list[int] = []
     while_open: list[int] = []
