@@ -108,6 +108,8 @@ FASTEST_MM_S: Final = 200.0
 REST_N: Final = 0.4
 EDGE_MM: Final = 2.0
 """Kept free at both ends of the screen, whatever the guidance asks for."""
+SLOWEST_MM_S: Final = 1e-3
+"""Slower is no motion; where half of a speed is none, its strokes would last for no time."""
 LEAST_SHARE: Final = 0.2
 """Of the speed asked for: no error makes a stroke slower."""
 
@@ -235,7 +237,7 @@ class GuidedFinger:
         Parameters
         ----------
         speed_mm_s : float
-            Of the strokes, 0 to 200; 0: rest on the screen.
+            Of the strokes, 0 to 200; below `SLOWEST_MM_S`: rest on the screen.
         force_n : float
             0.05 to 5.
         span_mm : tuple of float
@@ -260,7 +262,8 @@ class GuidedFinger:
         width = self._screen_mm[0]
         low = min(max(low, EDGE_MM), width / 2.0 - EDGE_MM)
         high = max(min(high, width - EDGE_MM), width / 2.0 + EDGE_MM)
-        wish = Wish(speed_mm_s, force_n, (low, high))
+        moves = speed_mm_s >= SLOWEST_MM_S
+        wish = Wish(speed_mm_s if moves else 0.0, force_n, (low, high))
         if wish != self._pushed:
             self._pushed = wish
             self._coming.append((self._now_s + self._settings.reaction_s, wish))

@@ -68,6 +68,15 @@ def test_it_rests_again_when_it_is_told_to() -> None:
     assert not move(finger, 4.0, 1.0).velocity_mm_s.any()
 
 
+@pytest.mark.parametrize("speed_mm_s", [5e-324, 1e-300, 1e-9])
+def test_at_a_speed_that_is_none_it_rests(speed_mm_s: float) -> None:
+    finger = start()
+    finger.push(speed_mm_s, 0.4, SPAN_MM)
+    assert not move(finger, 0.0, 3.0).velocity_mm_s.any()
+    finger.push(80.0, 0.4, SPAN_MM)
+    assert move(finger, 3.0, 3.0).velocity_mm_s.any()
+
+
 def test_its_errors_are_of_the_stated_size(rng: np.random.Generator) -> None:
     errors = GuidedStrokes(speed_error=0.08, force_error=0.1)
     finger = start(errors, int(rng.integers(2**31)))
