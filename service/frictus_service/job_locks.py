@@ -9,6 +9,7 @@ import hashlib
 import os
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -35,26 +36,13 @@ def hold(root: Path, job: str) -> bool:
         return True
     import fcntl
 
-    with _HOLDING:
-        descriptor, held = _OPEN.get(root, (-1, set[str]()))
-        if job in held:
-            return True
-        try:
-            if descriptor < 0:
-                descriptor = os.open(
-                    root.with_name(f".{root.name}.locks"), os.O_RDWR | os.O_CREAT, 0o666
-                )
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(job))
+    with contextlib.suppress(OSError), _locks(root) as (descriptor, held):
+        if job not in held:
+            try:
+                fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(job))
+            except (BlockingIOError, PermissionError):  # as systems say that it is locked
+                return False
             held.add(job)
-        except (BlockingIOError, PermissionError):
-            return descriptor < 0  # it could not be opened
-        except OSError:
-            return True
-        finally:
-            if held:
-                _OPEN[root] = descriptor, held
-            elif descriptor >= 0:
-                os.close(descriptor)
     return True
 
 
@@ -68,21 +56,30 @@ def let_go(root: Path, job: str) -> None:
     job : str
         Id.
     """
-    if sys.platform == "win32":
+    if sys.platform == "win32" or root not in _OPEN:
         return
     import fcntl
 
-    with _HOLDING:
-        descriptor, held = _OPEN.get(root, (-1, set[str]()))
-        if job not in held:
-            return
-        held.remove(job)
-        if not held:
-            del _OPEN[root]
-            os.close(descriptor)
-            return
-        with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError), _locks(root) as (descriptor, held):
+        if job in held:
+            held.remove(job)
             fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _place(job))
+
+
+@contextlib.contextmanager
+def _locks(root: Path) -> Iterator[tuple[int, set[str]]]:
+    """Give the descriptor of a folder's locks, and the jobs that are held; closed with none."""
+    with _HOLDING:
+        if root not in _OPEN:
+            path = root.with_name(f".{root.name}.locks")
+            _OPEN[root] = os.open(path, os.O_RDWR | os.O_CREAT, 0o666), set()
+        descriptor, held = _OPEN[root]
+        try:
+            yield descriptor, held
+        finally:
+            if not held:
+                del _OPEN[root]
+                os.close(descriptor)
 
 
 def _place(job: str) -> int:
