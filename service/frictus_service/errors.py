@@ -3,6 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
+
+MAX_TOLD: Final = 120
+"""Letters of a value that are repeated."""
 
 
 class ServiceError(Exception):
@@ -284,6 +288,18 @@ def listed(names: Sequence[str], most: int) -> str:
     """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+def as_told(value: object) -> str:
+    """Return a value as a sentence repeats it: no more of it than a line.
+
+    Parameters
+    ----------
+    value : object
+        Of a file: an attribute holds 64 kB and more.
+    """
+    told = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
+    return told if len(told) <= MAX_TOLD else f"{told[: MAX_TOLD - 3]}..."
 
 
 class SecurityError(ServiceError):

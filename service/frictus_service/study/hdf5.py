@@ -17,12 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.files import require_file
-from frictus_service.errors import FieldError, StudyError
+from frictus_service.errors import FieldError, StudyError, as_told
 
 MAX_WHOLE: Final = 2.0**53
 """A float, as MATLAB writes it, tells greater whole numbers from one another no more."""
-MAX_TOLD: Final = 120
-"""Letters of a value that are repeated: an attribute holds 64 kB and more."""
 Plain = str | float | int | tuple[float, ...]
 
 
@@ -50,12 +48,6 @@ def _plain(value: Any) -> Plain | None:
         return None
     numbers = array.reshape(-1).tolist()
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
-
-
-def as_told(value: object) -> str:
-    """Return a value as a sentence repeats it: no more of it than a line."""
-    told = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
-    return told if len(told) <= MAX_TOLD else f"{told[: MAX_TOLD - 3]}..."
 
 
 def text(attributes: Mapping[str, Any], name: str) -> str:

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.errors import FieldError
-from frictus_service.study.hdf5 import as_told
+from frictus_service.errors import FieldError, as_told
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from frictus.closing import Closing
 from frictus.errors import printable
 from frictus_hardware.arrays import FloatArray
-from frictus_service.errors import Exclusion, FieldError, StudyError, TrialError
+from frictus_service.errors import Exclusion, FieldError, StudyError, TrialError, as_told
 from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import (
     Stored,
@@ -191,7 +191,7 @@ def _source(stored: Stored | None) -> Literal["command", "monitor"]:
     if source not in ("command", "monitor"):
         raise FieldError(
             "voltage_v",
-            f"has source = {hdf5.as_told(source)}; accepted: 'command' or 'monitor'",
+            f"has source = {as_told(source)}; accepted: 'command' or 'monitor'",
         )
     return cast(Literal["command", "monitor"], source)
 
@@ -326,7 +326,7 @@ class StudyReader(Closing):
 def _read_info(held: Mapping[str, Any]) -> StudyInfo:
     schema = hdf5.text(held, "schema")
     if schema != SCHEMA:
-        raise FieldError("schema", f"is {hdf5.as_told(schema)}; accepted: {SCHEMA!r}")
+        raise FieldError("schema", f"is {as_told(schema)}; accepted: {SCHEMA!r}")
     mount_json = hdf5.text(held, "mount") if "mount" in held else None
     late = "positions_late_s"
     info = StudyInfo(

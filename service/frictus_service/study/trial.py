@@ -11,7 +11,7 @@ import numpy as np
 from frictus.files import read_bounded
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import Mount, TransferFunction
-from frictus_service.errors import FieldError
+from frictus_service.errors import FieldError, as_told
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +233,7 @@ def mount_text(info: StudyInfo) -> str | None:
 def _polynomial(lateral: dict[str, Any], name: str) -> tuple[float, ...]:
     found = lateral.get(name)
     if not isinstance(found, list) or not found:
-        raise FieldError("mount", f"lateral.{name} is {repr(found)[:120]}; {ACCEPTED}")
+        raise FieldError("mount", f"lateral.{name} is {as_told(found)}; {ACCEPTED}")
     numeric = all(
         isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         for value in found
