@@ -22,8 +22,8 @@ _HOLDING: Final = threading.Lock()
 def hold(root: Path, job: str) -> bool:
     """Return whether a job is this process's now; False where another one holds it.
 
-    Where the folder cannot be written, or its file system knows no locks, and on Windows,
-    nothing is held, and every process is told that the job is its own.
+    Where the folder cannot be written, or its file system knows no locks, nothing is held, and
+    every process is told that the job is its own.
 
     Parameters
     ----------
@@ -32,14 +32,10 @@ def hold(root: Path, job: str) -> bool:
     job : str
         Id.
     """
-    if sys.platform == "win32":
-        return True
-    import fcntl
-
     with contextlib.suppress(OSError), _locks(root) as (descriptor, held):
         if job not in held:
             try:
-                fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(job))
+                _lock(descriptor, _place(job))
             except (BlockingIOError, PermissionError):  # as systems say that it is locked
                 return False
             held.add(job)
@@ -56,14 +52,12 @@ def let_go(root: Path, job: str) -> None:
     job : str
         Id.
     """
-    if sys.platform == "win32" or root not in _OPEN:
+    if root not in _OPEN:
         return
-    import fcntl
-
     with contextlib.suppress(OSError), _locks(root) as (descriptor, held):
         if job in held:
             held.remove(job)
-            fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _place(job))
+            _unlock(descriptor, _place(job))
 
 
 @contextlib.contextmanager
@@ -83,4 +77,26 @@ def _locks(root: Path) -> Iterator[tuple[int, set[str]]]:
 
 
 def _place(job: str) -> int:
-    return int.from_bytes(hashlib.sha256(job.encode()).digest()[:7])
+    """Return where the byte of a job lies: Windows locks none behind the first 2**31."""
+    return int.from_bytes(hashlib.sha256(job.encode()).digest()[:4]) >> 1
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(descriptor: int, place: int) -> None:
+        os.lseek(descriptor, place, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+
+    def _unlock(descriptor: int, place: int) -> None:
+        os.lseek(descriptor, place, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_UNLCK, 1)
+
+else:
+    import fcntl
+
+    def _lock(descriptor: int, place: int) -> None:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+
+    def _unlock(descriptor: int, place: int) -> None:
+        fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, place)

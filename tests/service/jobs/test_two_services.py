@@ -28,7 +28,6 @@ if sys.stdin.readline():
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no locks for folders")
 @pytest.mark.parametrize("killed", [True, False])
 def test_a_job_is_its_service_s_until_that_ends_or_the_job_does(
     killed: bool, tmp_path: Path
