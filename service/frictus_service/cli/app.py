@@ -1,5 +1,6 @@
 """The commands of `frictus`."""
 
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -26,9 +27,21 @@ app = typer.Typer(
 )
 
 
+def _say_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"frictus {version('frictus')}")
+        raise typer.Exit
+
+
 @app.callback()
 def frictus(
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Say which this is.", callback=_say_version, is_eager=True
+        ),
+    ] = False,
 ) -> None:
     """Feel textures on a friction-modulated touchscreen, over the network."""
 

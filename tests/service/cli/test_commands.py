@@ -9,6 +9,7 @@ import subprocess
 import sys
 import wave
 from collections.abc import Callable, Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,11 @@ def sine(tmp_path: Path) -> Path:
     file = tmp_path / "sine.json"
     file.write_text(json.dumps(SINE))
     return file
+
+
+def test_it_says_which_version_it_is() -> None:
+    told = run("--version")
+    assert (told.exit_code, told.stdout) == (0, f"frictus {version('frictus')}\n")
 
 
 def test_help_lists_the_commands_and_loads_nothing_heavy() -> None:
