@@ -4,12 +4,13 @@
 it told; and, once it is done, what `report.page` writes.
 """
 
+import contextlib
 import errno
 import json
 import os
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypedDict
 
@@ -264,8 +265,8 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         with self._lock:
             job = self._read(discovery)
             update = {"progress": progress, "updated_utc_ns": time.time_ns()}
-            self._tell(job.id, "progress", progress.model_dump_json())
-            super()._keep(job.model_copy(update=update))
+            with self._telling(job.id, "progress", progress.model_dump_json()):
+                super()._keep(job.model_copy(update=update))
 
     def events(self, discovery: str, after: int) -> list[DiscoveryEvent]:
         """Return what a discovery told after an event, in order.
@@ -282,19 +283,29 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         return [DiscoveryEvent.model_validate_json(line) for line in told[after:]]
 
     def _keep(self, job: DiscoveryJob) -> None:
-        # The event first: whoever sees that a job has ended finds its last event.
-        self._tell(job.id, "state", json.dumps(job.state))
-        super()._keep(job)
+        with self._telling(job.id, "state", json.dumps(job.state)):
+            super()._keep(job)
 
-    def _tell(self, discovery: str, kind: str, data: str) -> None:
-        folder = self.folder(discovery)
-        before = _whole_lines(folder / EVENTS)
+    @contextlib.contextmanager
+    def _telling(self, discovery: str, kind: str, data: str) -> Iterator[None]:
+        """Add an event before what it tells is kept; take it back where that is refused.
+
+        Whoever sees that a job has ended finds its last event.
+        """
+        path = self.folder(discovery) / EVENTS
+        before = _whole_lines(path)
         event = {"number": 1 + before.count(b"\n"), "kind": kind, "data": data}
-        with (folder / EVENTS).open("ab") as told:
+        with path.open("ab") as told:
             told.truncate(len(before))
             told.write(json.dumps(event).encode() + b"\n")
             told.flush()
             os.fsync(told.fileno())
+        try:
+            yield
+        except OSError:
+            with contextlib.suppress(OSError):  # of a folder that has gone
+                os.truncate(path, len(before))
+            raise
 
 
 def _whole_lines(path: Path) -> bytes:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, cast
 
 import pytest
 from fastapi.testclient import TestClient
+from tests.full_disk import full_after
 from tests.service.api.conftest import configuration
 from tests.service.jobs import stepwise_discovery
 
@@ -295,3 +296,16 @@ def test_of_a_discovery_that_the_disk_does_not_take_nothing_stays(
     assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
     assert list((studies / "discoveries").iterdir()) == []
     assert start(api).status_code == 202
+
+
+def test_a_state_that_the_disk_does_not_take_is_not_told(studies: Path) -> None:
+    """It was tried once a second, and told each time: `failed` six times in 20 s."""
+    shelf = DiscoveryStore(studies)
+    job = shelf.create(DiscoverySpec(study="visit.h5"), "ann").id
+    for _ in range(3):
+        with full_after(200), pytest.raises(OSError, match="too large"):
+            shelf.change(job, "running", of=("queued",))
+    assert [event.data for event in shelf.events(job, 0)] == ['"queued"']
+    shelf.change(job, "running", of=("queued",))
+    told = [(event.number, event.data) for event in shelf.events(job, 0)]
+    assert told == [(1, '"queued"'), (2, '"running"')]
