@@ -64,8 +64,9 @@ def replace_files(contents: Mapping[Path, bytes]) -> None:
     written = {path: unfinished_beside(path, ".tmp") for path in contents}
     try:
         for path, content in contents.items():
-            written[path].write_bytes(content)
-            _sync_file(written[path])
+            with blamed_on(path):
+                written[path].write_bytes(content)
+                _sync_file(written[path])
         for path, beside in written.items():  # at once: a disk is slow to keep anything
             _rename(beside, path)
         for folder in dict.fromkeys(path.parent for path in contents):
@@ -73,6 +74,23 @@ def replace_files(contents: Mapping[Path, bytes]) -> None:
     except BaseException:
         for beside in written.values():
             beside.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def blamed_on(path: Path) -> Iterator[None]:
+    """Have errors name the file that was asked for, not the hidden one beside it.
+
+    Parameters
+    ----------
+    path : Path
+        What was asked for.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None:
+            error.filename = str(path)
         raise
 
 
@@ -190,6 +208,23 @@ def remove_left_beside(path: Path) -> None:
                 shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
+def why_closed(folder: Path) -> str | None:
+    """Return why nothing can be written in a folder; None where it is open, or can be made.
+
+    Parameters
+    ----------
+    folder : Path
+        It need not be there yet, nor what is above it.
+    """
+    above = (folder, *folder.absolute().parents)
+    there = next(each for each in above if os.path.exists(each))  # False below a closed one
+    if not there.is_dir():
+        return f"{there} is no folder"
+    if not os.access(there, os.W_OK | os.X_OK):
+        return f"nothing may be written in {there}"
+    return None
+
+
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
     """Give a folder to write to, which bears its name once the context ends without an error.
@@ -207,12 +242,15 @@ def new_folder(folder: Path) -> Iterator[Path]:
     if folder.exists():
         raise StudyError(f"{folder} exists; choose another name, or delete it first")
     unfinished = unfinished_beside(folder)
-    unfinished.mkdir(parents=True)
+    with blamed_on(folder):
+        unfinished.mkdir(parents=True)
     remove_left_beside(folder)
     try:
         yield unfinished
         unfinished.rename(folder)
         sync_folder(folder.parent)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(unfinished)
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            error.filename = str(folder)  # writers name what is gone now, or nothing
         raise

@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 from tests.full_disk import full_after
 
-from frictus_service.durable import new_folder, put_in_free_place, replace_file, replace_files
+from frictus_service.durable import (
+    new_folder,
+    put_in_free_place,
+    replace_file,
+    replace_files,
+)
 
 SERVICE = Path(__file__).parents[2] / "service"
 
@@ -128,6 +133,16 @@ def test_what_kills_left_of_it_is_removed_after_a_day(tmp_path: Path) -> None:
     with new_folder(folder):
         pass
     assert set(tmp_path.iterdir()) == {folder, left[2], own}
+
+
+def test_a_folder_that_a_full_disk_does_not_take_is_named(tmp_path: Path) -> None:
+    """MATLAB files and Parquet tables ended by an error that named nothing."""
+    with (
+        pytest.raises(OSError, match=r"No space left.*tables"),
+        new_folder(tmp_path / "tables"),
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_replaces_files_another_way() -> None:

@@ -21,6 +21,16 @@ HOW_TO_RESET: Final = (
     "It is reset on the dashboard, by `rig.reset()` in Python, or by POST /v1/rigs/RIG/reset."
 )
 """No command does it: whoever resets is to have looked at what tripped the rig."""
+_OTHER: Final = "name what this user may read, and a folder that it may write to"
+_ROOM: Final = "make room there, or name another disk"
+CLOSED: Final = {
+    errno.EACCES: _OTHER,
+    errno.EPERM: _OTHER,
+    errno.EROFS: _OTHER,
+    errno.ENOSPC: _ROOM,
+    errno.EDQUOT: _ROOM,
+}
+"""What to do where a file or a folder refuses, by the number of the error."""
 
 
 class Exit(IntEnum):
@@ -85,10 +95,14 @@ def code_of(error: Exception) -> Exit:
         StudyError,
     )
     files = (FileNotFoundError, IsADirectoryError, NotWrittenError)
-    loops = isinstance(error, OSError) and error.errno == errno.ELOOP
-    if loops or isinstance(error, (*ours, *files)):
+    if _is_of_a_file(error) or isinstance(error, (*ours, *files)):
         return Exit.USAGE  # what is left of the client's errors is about what it was given
     return Exit.UNEXPECTED
+
+
+def _is_of_a_file(error: Exception) -> bool:
+    refusals = {errno.ELOOP, *CLOSED}
+    return isinstance(error, OSError) and bool(error.filename) and error.errno in refusals
 
 
 def sentence_of(error: Exception) -> str:
@@ -102,8 +116,10 @@ def sentence_of(error: Exception) -> str:
         return f"there is no file or folder {error.filename}"
     if isinstance(error, IsADirectoryError) and error.filename is not None:
         return f"{error.filename} is a folder; give a file"
-    if isinstance(error, OSError) and error.errno == errno.ELOOP:
-        return f"{error.filename}: a symbolic link that leads to itself"
+    if isinstance(error, OSError) and _is_of_a_file(error):
+        if error.errno == errno.ELOOP:
+            return f"{error.filename}: a symbolic link that leads to itself"
+        return f"{error.filename}: {error.strerror}; {CLOSED[error.errno or 0]}"
     if isinstance(error, RefusedError) and error.code == "tripped":
         return f"{error} {HOW_TO_RESET}"
     if isinstance(error, FrictusError | ServiceError | OSError):
@@ -273,9 +289,10 @@ def check_out(out: Path | None, *read: Path) -> None:
     Raises
     ------
     ArgumentError
-        If it is in no folder, is a folder, or is what is read.
+        If it is in no folder, is a folder, is what is read, or nothing may be written there.
     """
     from frictus.errors import ArgumentError
+    from frictus_service.durable import why_closed
 
     if out is None:
         return
@@ -285,6 +302,31 @@ def check_out(out: Path | None, *read: Path) -> None:
         raise ArgumentError(f"--out {out}: that is a folder; give a file")
     if any(out.exists() and each.exists() and out.samefile(each) for each in read):
         raise ArgumentError(f"--out {out}: it is what is read, and would be lost; give another")
+    direct = out.exists() and not out.is_file()  # a pipe or a device, of any folder
+    if not direct and (why := why_closed(out.resolve().parent)) is not None:
+        raise ArgumentError(f"--out {out}: {why}; give a file in another folder")
+
+
+def check_out_folder(folder: Path, read: Path) -> None:
+    """Refuse a folder for results before there are some that could not be written.
+
+    Parameters
+    ----------
+    folder : Path
+        As ``--out`` says, or where results go by themselves; it need not be there.
+    read : Path
+        What the command reads; where it is not there, the command is to say that.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none, or nothing may be written there.
+    """
+    from frictus.errors import ArgumentError
+    from frictus_service.durable import why_closed
+
+    if os.path.exists(read) and (why := why_closed(folder)) is not None:
+        raise ArgumentError(f"{folder}: {why}; name another folder by --out")
 
 
 def write_out(out: Path, content: bytes) -> None:

@@ -141,7 +141,8 @@ def disk_rate(
     """
     from frictus_service.recording.writer import SYNC_S
 
-    place = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
+    above = (folder, *folder.absolute().parents)
+    place = next(each for each in above if os.path.isdir(each))  # False below a closed one
     rate = BYTES_PER_SAMPLE * sample_rate_hz
     try:
         free = free_bytes(place)

@@ -1,11 +1,11 @@
 """Whether what the service keeps has its place: folders, and the file of the registry."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 from frictus_service.cli.checks.machine_checks import DoctorCheck
 from frictus_service.config import Config
+from frictus_service.durable import why_closed
 from frictus_service.errors import RegistryUnavailableError
 
 
@@ -19,15 +19,9 @@ def folders(config: Config) -> Iterator[DoctorCheck]:
     """
     for key in ("textures", "recordings", "studies"):
         folder: Path = getattr(config, key)
-        there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
-        if not there.is_dir():
-            found = f"{key}: {there} is no folder"
-        elif not os.access(there, os.W_OK | os.X_OK):
-            found = f"{key}: nothing may be written in {there}"
-        else:
-            continue
-        to_do = f"name another folder in `{key}`, or make this one usable"
-        yield DoctorCheck("folders", "fail", found, to_do)
+        if (why := why_closed(folder)) is not None:
+            to_do = f"name another folder in `{key}`, or make this one usable"
+            yield DoctorCheck("folders", "fail", f"{key}: {why}", to_do)
 
 
 def registry(config: Config) -> Iterator[DoctorCheck]:

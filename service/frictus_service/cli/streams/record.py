@@ -20,6 +20,7 @@ from frictus_service.cli.options import (
     Seconds,
     SiteOption,
     TargetRig,
+    check_out_folder,
     wants_lines,
     write_line,
 )
@@ -262,6 +263,7 @@ def recover(
     from frictus_service.recording.recovery import recover as run
 
     path = out or file.with_suffix(".recovered.mcap")
+    check_out_folder(path.parent, file)
     summary = run(file, path)
     if wants_lines(as_json):
         write_line(out=str(path), **summary.fields())

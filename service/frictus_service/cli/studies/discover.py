@@ -13,6 +13,7 @@ from frictus_service.cli.options import (
     Response,
     Workers,
     check_out,
+    check_out_folder,
     wants_lines,
     write_line,
     write_out,
@@ -278,6 +279,7 @@ def discover(
         from frictus_service.discovery.across_studies.across import discover_across
 
         folder = out or folder_of(studies)
+        check_out_folder(folder, meant[0])
         across = discover_across(
             meant,
             folder,
@@ -294,6 +296,7 @@ def discover(
         return
     (study,) = meant
     folder = out or study.with_name(f"{study.stem}-discovery")
+    check_out_folder(folder, study)
     found = discover_study(
         study,
         response=response,

@@ -12,6 +12,7 @@ from frictus_service.cli.options import (
     AsJson,
     Workers,
     check_out,
+    check_out_folder,
     wants_lines,
     write_line,
     write_out,
@@ -63,6 +64,7 @@ def identify(
         _identify_table(study, table, as_json)
         return
     folder = out or study.with_name(f"{study.stem}-identification")
+    check_out_folder(folder, study)
     with open_study(study) as opened:
         sha256, unreadable = opened.sha256, opened.excluded
         simulated = opened.info.simulated

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from frictus_service.cli.options import AsJson, Exit, wants_lines, write_line
+from frictus_service.cli.options import AsJson, Exit, check_out_folder, wants_lines, write_line
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -187,19 +187,18 @@ def export(
     if (licence, age) != (None, None) and to != "nwb":
         raise typer.BadParameter("--licence and --age go with --to nwb")
     card = {"licence": licence, "age": age}
+    path = out or _beside(file, to)
+    check_out_folder(path.parent, file)
     if to == "replay":
-        _taped(file, out or file.with_suffix(".npz"), begin, end, touch_latency, as_json)
+        _taped(file, path, begin, end, touch_latency, as_json)
         return
     if to == "foxglove":
-        _plottable(
-            file, out or file.with_name(f"{file.stem}_foxglove.mcap"), begin, end, as_json
-        )
+        _plottable(file, path, begin, end, as_json)
         return
     if texture and tone:
         raise typer.BadParameter("--tone and --texture: one of them was played")
     tones = None if tone is None else tuple(hz for hz in tone if hz > 0.0)
     declared = TrialDeclaration(participant, session, speed, force, tones, begin, end, texture)
-    path = out or _beside(file, to)
     if file.suffix != ".mcap":
         trials, excluded = _converted(file, to, path, card)
         told = ""
@@ -209,7 +208,8 @@ def export(
 
 
 def _beside(file: Path, to: Format) -> Path:
-    return file.with_suffix(".h5") if to == "h5" else file.with_name(f"{file.stem}_{to}")
+    endings = {"h5": ".h5", "replay": ".npz", "foxglove": "_foxglove.mcap"}
+    return file.with_name(f"{file.stem}{endings.get(to, f'_{to}')}")
 
 
 def _recorded(
