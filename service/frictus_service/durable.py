@@ -61,7 +61,7 @@ def replace_files(contents: Mapping[Path, bytes]) -> None:
     OSError
         If the disk refuses.
     """
-    written = {path: unfinished_beside(path, ".tmp") for path in contents}
+    written = {path: unfinished_beside(path) for path in contents}
     try:
         for path, content in contents.items():
             with blamed_on(path):
@@ -71,6 +71,8 @@ def replace_files(contents: Mapping[Path, bytes]) -> None:
             _rename(beside, path)
         for folder in dict.fromkeys(path.parent for path in contents):
             sync_folder(folder)
+        for path in contents:
+            remove_left_beside(path)
     except BaseException:
         for beside in written.values():
             beside.unlink(missing_ok=True)
@@ -94,18 +96,16 @@ def blamed_on(path: Path) -> Iterator[None]:
         raise
 
 
-def unfinished_beside(path: Path, ending: str = ".part") -> Path:
+def unfinished_beside(path: Path) -> Path:
     """Return a name for what is not finished yet, which nobody takes for a file.
 
     Parameters
     ----------
     path : Path
         What it is to be called; one as long as a file system takes leaves no room for more.
-    ending : str
-        Of the name.
     """
     # Not by process id: in a container it comes again, and meets what a kill left behind.
-    return path.with_name(f".{path.name[:MOST_KEPT]}.{secrets.token_hex(4)}{ending}")
+    return path.with_name(f".{path.name[:MOST_KEPT]}.{secrets.token_hex(4)}.part")
 
 
 def put_in_place(written: Path, path: Path) -> None:
@@ -223,6 +223,27 @@ def why_closed(folder: Path) -> str | None:
     if not os.access(there, os.W_OK | os.X_OK):
         return f"nothing may be written in {there}"
     return None
+
+
+@contextmanager
+def scratch_beside(path: Path) -> Iterator[Path]:
+    """Give a folder for what a result is made from, on the disk of the result.
+
+    That of temporary files may be memory. What a kill leaves of it is removed with what it
+    leaves of the result.
+
+    Parameters
+    ----------
+    path : Path
+        What the result is to be called.
+    """
+    folder = unfinished_beside(path)
+    with blamed_on(path):
+        folder.mkdir(parents=True)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)
 
 
 @contextmanager

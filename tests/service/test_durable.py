@@ -3,6 +3,8 @@
 import errno
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,8 +13,10 @@ from tests.full_disk import full_after
 from frictus_service.durable import (
     new_folder,
     put_in_free_place,
+    remove_left_beside,
     replace_file,
     replace_files,
+    scratch_beside,
 )
 
 SERVICE = Path(__file__).parents[2] / "service"
@@ -142,6 +146,39 @@ def test_a_folder_that_a_full_disk_does_not_take_is_named(tmp_path: Path) -> Non
         new_folder(tmp_path / "tables"),
     ):
         raise OSError(errno.ENOSPC, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such kill")
+def test_what_kills_left_of_a_report_is_removed_after_a_day(tmp_path: Path) -> None:
+    """It stayed for ever; reports are of megabytes."""
+    report = tmp_path / "report.html"
+    code = (
+        "import os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from frictus_service import durable\n"
+        "os.fsync = lambda _: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "durable.replace_file(Path(sys.argv[1]), b'half of it')"
+    )
+    subprocess.run([sys.executable, "-c", code, report], check=False, timeout=60)
+    (left,) = tmp_path.iterdir()
+    replace_file(report, b"while it may be under way")
+    assert set(tmp_path.iterdir()) == {left, report}
+    os.utime(left, (0.0, 0.0))
+    replace_file(report, b"a day later")
+    assert list(tmp_path.iterdir()) == [report]
+
+
+def test_what_a_result_is_made_from_goes_with_what_kills_left_of_the_result(
+    tmp_path: Path,
+) -> None:
+    result = tmp_path / "tables"
+    with scratch_beside(result) as scratch:
+        (scratch / "study.h5").write_bytes(b"all trials")
+    assert list(tmp_path.iterdir()) == []
+    scratch.mkdir()  # as if it had been killed
+    os.utime(scratch, (0.0, 0.0))
+    remove_left_beside(result)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tempfile
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -206,3 +207,17 @@ def test_the_command_says_where_file_and_layout_are(recording: Path) -> None:
     Path(told["out"]).unlink()
     CliRunner().invoke(app, ["export", str(recording), "--to", "foxglove"])
     assert Path(told["layout"]).read_text(encoding="utf-8") == "of the laboratory"
+
+
+def test_what_tables_are_made_from_is_on_the_disk_of_the_tables(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where temporary files are memory, a recording of hours filled that; a kill left it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    out = tmp_path / "tables"
+    asked = ("--participant", "P01", "--speed", "50", "--force", "1", "--texture")
+    result = CliRunner().invoke(
+        app, ["export", str(recording), "--to", "mat", "--out", str(out), *asked]
+    )
+    assert "holds no trial that can be used" in result.stderr
+    assert set(tmp_path.iterdir()) == {recording}

@@ -1,7 +1,6 @@
 """`frictus study` and `export`: what is in a study file, and other programs' formats."""
 
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -221,14 +220,15 @@ def _recorded(
     card: dict[str, str | None],
 ) -> tuple[int, "tuple[Exclusion, ...]", str]:
     """Export a recording; return how many trials, what was left out, and how it ends."""
+    from frictus_service.durable import scratch_beside
     from frictus_service.recording.export import export_study
     from frictus_service.study.trial import read_mount
 
     if to == "h5":
         done = export_study(file, path, declared, read_mount(mount))
         return len(done.trials), done.excluded, str(done.ending)
-    with tempfile.TemporaryDirectory() as folder:
-        study = Path(folder) / "study.h5"
+    with scratch_beside(path) as folder:
+        study = folder / "study.h5"
         done = export_study(file, study, declared, read_mount(mount))
         trials, more = _converted(study, to, path, card)
     return trials, (*done.excluded, *more), str(done.ending)
