@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
+from tests.full_disk import full_after
 from tests.rig_status import rig_status
 from typer.testing import CliRunner
 
@@ -20,6 +21,7 @@ from frictus.messages import MESSAGES, AuxChannel, RigStatus, TimeState
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.errors import ExportError
+from frictus_service.recording import foxglove
 from frictus_service.recording.foxglove import LAYOUT, export_foxglove
 from frictus_service.recording.plain_schema import plain_schema
 from frictus_service.recording.plot_channels import field_names
@@ -207,6 +209,25 @@ def test_the_command_says_where_file_and_layout_are(recording: Path) -> None:
     Path(told["out"]).unlink()
     CliRunner().invoke(app, ["export", str(recording), "--to", "foxglove"])
     assert Path(told["layout"]).read_text(encoding="utf-8") == "of the laboratory"
+
+
+def test_a_layout_that_a_full_disk_does_not_take_leaves_no_part_of_one(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stayed, since a layout that is there may have been changed."""
+    out = tmp_path / "plots" / "a.mcap"
+    export_foxglove(recording, out)
+    size = out.stat().st_size
+    out.unlink()
+    large = tmp_path / "large.json"
+    large.write_bytes(bytes(size + 2_000))
+    monkeypatch.setattr(foxglove, "LAYOUT", large)
+    with full_after(size + 1_000):
+        result = CliRunner().invoke(
+            app, ["export", str(recording), "--to", "foxglove", "--out", str(out)]
+        )
+    assert "too large" in result.stderr
+    assert list(out.parent.iterdir()) == [out]
 
 
 def test_what_tables_are_made_from_is_on_the_disk_of_the_tables(

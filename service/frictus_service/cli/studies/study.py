@@ -262,12 +262,13 @@ def _plottable(
     file: Path, path: Path, begin: float | None, end: float | None, as_json: bool
 ) -> None:
     """Export a recording for Foxglove or Lichtblick, with a layout beside it."""
+    from frictus_service.durable import replace_file
     from frictus_service.recording.foxglove import LAYOUT, export_foxglove
 
     done = export_foxglove(file, path, begin, end)
     layout = path.with_name("frictus_layout.json")
     if not layout.exists():  # that of an earlier export may have been changed since
-        layout.write_bytes(LAYOUT.read_bytes())
+        replace_file(layout, LAYOUT.read_bytes())
     if wants_lines(as_json):
         write_line(
             out=str(path),
