@@ -13,6 +13,7 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
 from frictus.files import read_bounded
+from frictus_service.durable import blamed_on, put_in_free_place, unfinished_beside
 from frictus_service.errors import (
     CertificateFileError,
     MemberNameError,
@@ -78,6 +79,8 @@ def write(issued: Issued, folder: Path, stem: str) -> tuple[Path, Path]:
     ------
     WouldOverwriteError
         If one of them exists; then neither is written.
+    OSError
+        If the disk refuses; then neither stays.
     """
     certificate, key = folder / f"{stem}{CERTIFICATE}", folder / f"{stem}{KEY}"
     for path in (certificate, key):
@@ -87,18 +90,27 @@ def write(issued: Issued, folder: Path, stem: str) -> tuple[Path, Path]:
             )
     folder.mkdir(parents=True, exist_ok=True)
     _write_new(key, issued.key_pem, 0o600)
-    _write_new(certificate, issued.certificate_pem, 0o644)
+    try:
+        _write_new(certificate, issued.certificate_pem, 0o644)
+    except BaseException:
+        key.unlink()
+        raise
     return certificate, key
 
 
 def _write_new(path: Path, content: bytes, mode: int) -> None:
-    # With its permissions from the start: there is no moment in which others can read a key.
+    unfinished = unfinished_beside(path)
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+        with blamed_on(path):
+            # With its permissions from the start: nobody else can ever read a key.
+            descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(content)
+            put_in_free_place(unfinished, path)
     except FileExistsError as error:
         raise WouldOverwriteError(f"{path} exists: somebody was faster") from error
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(content)
+    finally:
+        unfinished.unlink(missing_ok=True)
 
 
 def read_authority(folder: Path) -> Issued:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from cryptography import x509
+from tests.full_disk import full_after
 
 from frictus_service.errors import (
     CertificateFileError,
@@ -118,6 +119,16 @@ def test_nothing_is_overwritten(suffix: str, tmp_path: Path) -> None:
         write(made, tmp_path, "ca")
     assert [path.name for path in tmp_path.iterdir()] == [there.name]
     assert there.read_text() == "precious"
+
+
+@pytest.mark.parametrize("size", [0, 400])
+def test_a_full_disk_leaves_neither_certificate_nor_key(size: int, tmp_path: Path) -> None:
+    """It left an empty key, for which the next attempt was refused."""
+    issued = make_authority("lab", NOW, DAY)
+    with full_after(size), pytest.raises(OSError, match=r"too large.*ca"):
+        write(issued, tmp_path, "ca")
+    assert list(tmp_path.iterdir()) == []
+    write(issued, tmp_path, "ca")
 
 
 def test_an_authority_is_read_again(tmp_path: Path) -> None:
