@@ -181,6 +181,8 @@ class RecordScanner:
         if missing > 0:  # known before so much memory is asked for
             raise TornError(self._offset, f"the file ends {missing} bytes early")
         content = self._file.read(count)
+        if len(content) < count:
+            raise TornError(self._offset, "the file was shortened while it was read")
         self._crc = zlib.crc32(content, self._crc)
         self._offset += count
         return content

@@ -1,5 +1,6 @@
 """Files that no recorder wrote, though their checksums are right, are refused or end early."""
 
+import os
 import struct
 import zlib
 from pathlib import Path
@@ -59,3 +60,17 @@ def test_a_recording_that_does_not_say_what_its_rig_is_becomes_no_tape(
 ) -> None:
     with pytest.raises(RecordingError, match=r"no status\.json"):
         export_tape(make_whole(10).path, tmp_path / "out.h5")
+
+
+def test_a_file_that_is_shortened_while_it_is_read_ends_there(
+    tmp_path: Path, make_whole: Any, rng: np.random.Generator
+) -> None:
+    """Where it ended within the head of a record, `export` ended as unexpected."""
+    content, path = make_whole(100).content, tmp_path / "shortened.mcap"
+    for size in rng.integers(len(content) // 2, len(content) - 100, 100):
+        path.write_bytes(content)
+        with RecordingReader(path) as reader:
+            os.truncate(path, size)
+            ending = summarise(reader).ending
+        assert not ending.complete
+        assert "shortened while it was read" in ending.reason
