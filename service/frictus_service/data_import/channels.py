@@ -72,7 +72,8 @@ UNITS: Final[dict[str, ChannelUnit]] = {
 
 _SPELLINGS: Final = {
     "newton": "N", "newtons": "N", "millinewton": "mN", "grams": "gf", "gram": "gf",
-    "lb": "lbf", "lbs": "lbf", "millimeter": "mm", "millimetre": "mm", "millimeters": "mm",
+    "lb": "lbf", "lbs": "lbf", "pound": "lbf", "pounds": "lbf",
+    "millimeter": "mm", "millimetre": "mm", "millimeters": "mm",
     "meter": "m", "metre": "m", "meters": "m", "inch": "in", "inches": "in",
     "mm/sec": "mm/s", "mmps": "mm/s", "m/sec": "m/s", "mm_s": "mm/s", "m_s": "m/s",
     "mps": "m/s", "m/s^2": "m/s2", "m/s/s": "m/s2", "m_s2": "m/s2", "m.s-2": "m/s2",

@@ -9,7 +9,7 @@ import pytest
 from frictus_service.data_import.channels import BY_NAME
 from frictus_service.data_import.column_map import ColumnMap, map_text, parse_map
 from frictus_service.data_import.formats.read import read_columns
-from frictus_service.data_import.formats.tables import find_layout
+from frictus_service.data_import.formats.text_layout import find_layout
 
 PAGE = (Path(__file__).parents[3] / "docs" / "own_recordings.md").read_text(encoding="utf-8")
 

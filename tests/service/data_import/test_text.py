@@ -135,6 +135,50 @@ def test_the_line_in_which_the_head_ends_tells_no_layout(tmp_path: Path) -> None
         read_columns(path)
 
 
+def test_rows_that_end_in_a_delimiter_keep_their_heading(tmp_path: Path) -> None:
+    """Programs that write each value with a comma after it do not write one in the heading."""
+    found = columns_of(b"t,Fx,x\n0.0,1.0,2.0,\n0.1,1.5,2.5,\n", tmp_path)
+    assert {name: found[name] for name in ("t", "Fx", "x")} == {
+        "t": [0.0, 0.1],
+        "Fx": [1.0, 1.5],
+        "x": [2.0, 2.5],
+    }
+
+
+def test_a_time_beside_each_channel(tmp_path: Path) -> None:
+    """As programs of NI write it; the line of units was the heading, and V a velocity."""
+    path = tmp_path / "day.csv"
+    lines = (
+        "Timestamp,2026-03-01 10:11:12,Timestamp,2026-03-01 10:11:12",
+        "Interval,0.001,Interval,{interval}",
+        'Channel name,"Force",Channel name,"Input 1"',
+        'Unit,"V",Unit,"mm"',
+        "0,0.25,0,0.5",
+        "0.001,0.25,0.001,0.5",
+    )
+    path.write_text("\n".join(lines).format(interval="0.001"))
+    found = read_columns(path)
+    assert [(column.name, column.unit) for column in found.columns] == [
+        ("time", ""),
+        ("Force", "V"),
+        ("Input 1 time", ""),
+        ("Input 1", "mm"),
+    ]
+    path.write_text("\n".join(lines).format(interval="0.002"))  # two clocks: none is proposed
+    assert read_columns(path).columns[0].name == "Force time"
+
+
+def test_a_heading_of_two_lines_with_the_unit_of_the_time(tmp_path: Path) -> None:
+    """As setups of servo motors write it."""
+    path = tmp_path / "axis.csv"
+    path.write_bytes(b"Time,Analog 1\nms,Servo motor speed\n0.0,0.5\n0.5,0.5\n")
+    found = read_columns(path)
+    assert [(column.name, column.unit) for column in found.columns] == [
+        ("Time", "ms"),
+        ("Servo motor speed", ""),
+    ]
+
+
 LVM = """LabVIEW Measurement\t
 Writer_Version\t2
 Reader_Version\t2
@@ -146,6 +190,7 @@ Time\t10:11:12{point}5
 Channels\t2\t\t
 Samples\t3\t3\t
 Date\t2026/03/01\t2026/03/01\t
+Y_Unit_Label\tNewtons\tPounds\t
 X_Dimension\tTime\tTime\t
 X0\t0{point}0E+0\t0{point}0E+0\t
 Delta_X\t0{point}001\t0{point}001\t
@@ -156,7 +201,7 @@ X_Value\tFx\tFz\tComment
 
 @pytest.mark.parametrize("point", [".", ","])
 def test_measurements_of_labview(point: str, tmp_path: Path) -> None:
-    """Its heading has a column for comments, which its rows lack."""
+    """Its heading has a column for comments, which its rows lack, and units in a line."""
     path = tmp_path / "day.lvm"
     rows = [f"0{point}00{row}\t0{point}25\t0{point}5\r\n" for row in range(3)]
     path.write_text(LVM.format(point=point) + "".join(rows), encoding="utf-8", newline="")
@@ -166,4 +211,6 @@ def test_measurements_of_labview(point: str, tmp_path: Path) -> None:
         "Fx": [0.25] * 3,
         "Fz": [0.5] * 3,
     }
-    assert set(propose(found).column_map.channels) == {"time", "force_x", "force_z"}
+    channels = propose(found).column_map.channels
+    assert set(channels) == {"time", "force_x", "force_z"}
+    assert (channels["force_x"].unit, channels["force_z"].unit) == ("N", "lbf")

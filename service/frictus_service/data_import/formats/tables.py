@@ -1,12 +1,10 @@
 """Tables of columns: text (CSV, TSV and others), and Parquet.
 
-Of text, the delimiter, names and units are found in the first lines. Lines before the numbers
-may be comments, names and units; a decimal comma is understood where the delimiter is another
-character.
+How a text is laid out is found in its first lines (`text_layout`).
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -16,17 +14,12 @@ import pyarrow as pa
 from pyarrow import Table, csv, float64, parquet
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.data_import.formats.columns import MAX_COLUMNS, Columns, Gatherer
+from frictus_service.data_import.formats.columns import Columns, Gatherer
+from frictus_service.data_import.formats.text_layout import MISSING, TextLayout, find_layout
 from frictus_service.errors import StudyError
 
 MAX_BYTES: Final = 1 << 30
 HEAD_BYTES: Final = 1 << 16
-DELIMITERS: Final = ("\t", ";", ",", " ")
-MISSING: Final = (
-    *("", "-", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None"),
-    *("1.#QNAN", "-1.#IND"),
-)
-"""As programs write a sample that is missing; the last two are of Microsoft's C."""
 SPARE_SPACES: Final = re.compile(rb"(?:\A|(?<=[\r\n])) +| +(?=[ \r\n]|\Z)")
 MAX_SECTIONS: Final = 1024
 MAX_SECTIONS_BYTES: Final = 1 << 28
@@ -38,31 +31,6 @@ _NO_NUMBER: Final = re.compile(
     r"CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL
 )
 _OTHER_WIDTH: Final = re.compile(r"Row #(\d+): Expected (\d+) columns, got (\d+)")
-_NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
-
-
-@dataclass(frozen=True, slots=True)
-class TextLayout:
-    """How a text file is laid out.
-
-    Attributes
-    ----------
-    delimiter, decimal : str
-        Single characters.
-    skipped : int
-        Lines before the first line of numbers.
-    names, units : tuple of str
-        One for each column.
-    encoding : str
-        Of the text.
-    """
-
-    delimiter: str
-    decimal: str
-    skipped: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    encoding: str
 
 
 def read_text(path: Path) -> Columns:
@@ -216,107 +184,6 @@ def _is_row(line: bytes, layout: TextLayout) -> bool:
         else text.count(layout.delimiter.encode()) + 1
     )
     return not text.strip() or (fields == len(layout.names) and text[:1] in ROW_BEGINS)
-
-
-def find_layout(head: bytes) -> TextLayout:
-    """Return how a text file is laid out.
-
-    Parameters
-    ----------
-    head : bytes
-        Its beginning.
-
-    Raises
-    ------
-    StudyError
-        If no line of numbers is among it.
-    """
-    if b"\0" in head:
-        raise StudyError("it holds bytes that are no text; accepted: text in UTF-8 or Latin-1")
-    try:
-        text, encoding = head.decode("utf-8-sig", errors="strict"), "utf-8"
-    except UnicodeDecodeError as error:
-        cut = error.reason == "unexpected end of data"
-        encoding = "utf-8" if cut else "latin-1"
-        text = head.decode(encoding, errors="ignore")
-    # As pyarrow counts them: `str.splitlines` also ends lines at what cp1252 has as "…".
-    lines = re.split(r"\r\n|\n|\r", text)
-    for number, line in enumerate(lines):
-        for delimiter in DELIMITERS:
-            fields = _split(line, delimiter)
-            if not _are_numbers(fields, delimiter):
-                continue
-            if len(fields) == 1 and "," in line and _are_two_columns(line, lines[:number]):
-                continue
-            if len(fields) > MAX_COLUMNS:
-                raise StudyError(f"it has more than {MAX_COLUMNS} columns; leave some away")
-            # In all lines: the first may hold whole numbers alone.
-            decimals = delimiter != "," and any("," in each for each in lines[number:])
-            decimal = "," if decimals else "."
-            names, units = _heading(lines[:number], delimiter, len(fields))
-            return TextLayout(delimiter, decimal, number, names, units, encoding)
-    raise StudyError(
-        "no line of numbers is among its first 64 KiB; accepted: columns divided by comma, "
-        "semicolon, tab or spaces, one sample in each line"
-    )
-
-
-def _split(line: str, delimiter: str) -> list[str]:
-    # Spaces align as well as divide: any number of them is one.
-    fields = line.split() if delimiter == " " else line.split(delimiter)
-    return [field.strip().strip('"') for field in fields]
-
-
-def _are_numbers(fields: list[str], delimiter: str) -> bool:
-    """Return whether a line divides into numbers; missing values beside at least one."""
-    found = [field for field in fields if field not in MISSING]
-    if delimiter == "," and any("," in field for field in found):
-        return False
-    return bool(found) and all(_NUMBER.fullmatch(field) for field in found)
-
-
-def _are_two_columns(line: str, above: list[str]) -> bool:
-    """Return whether `0,12` is two whole numbers, as the heading shows, or a decimal."""
-    heading = [text for text in above if text.strip()]
-    if not heading:
-        raise StudyError(
-            f"{line[:40]!r} may be one number or two: name the columns in a first line, or "
-            "divide them by semicolons"
-        )
-    return "," in heading[-1]
-
-
-def _heading(
-    lines: list[str], delimiter: str, count: int
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units: the last two lines of text with as many fields."""
-    texts = []
-    for line in lines:
-        fields = _split(line.lstrip("#%/ "), delimiter)
-        if fields[-1].lower() == "comment":  # of LabVIEW, whose rows rarely have one
-            fields.pop()
-        if len(fields) == count and any(fields):
-            texts.append(fields)
-    if not texts:
-        return tuple(f"column {n}" for n in range(1, count + 1)), ("",) * count
-    names, units = texts[-1], [""] * count
-    if len(texts) > 1 and all(_is_unit(text) for text in texts[-1]):
-        names, units = texts[-2], [text.strip("[]() ") for text in texts[-1]]
-    return _unique(names), tuple(units)
-
-
-def _is_unit(text: str) -> bool:
-    from frictus_service.data_import.channels import is_unit
-
-    return is_unit(text.strip("[]() ")) or text.strip("[]() ") in ("", "-")
-
-
-def _unique(names: list[str]) -> tuple[str, ...]:
-    taken: list[str] = []
-    for number, name in enumerate(names, 1):
-        name = name or f"column {number}"
-        taken.append(f"{name} ({number})" if name in taken else name)
-    return tuple(taken)
 
 
 MAX_METADATA: Final = 1 << 24
