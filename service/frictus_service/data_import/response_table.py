@@ -1,6 +1,7 @@
 """Tables of ready frequency responses: as parts or as size and phase, with a coherence."""
 
 import re
+from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,8 +19,8 @@ from frictus_service.study.importers import importers
 MAX_ROWS: Final = 100_000
 _PATTERNS: Final = {
     "frequency": r"f|freq(uency)?|frequencies|hz|f_hz",
-    "re": r"(.*[._ ])?(re|real)([._ (].*)?",
-    "im": r"(.*[._ ])?(im|imag(inary)?)([._ (].*)?",
+    "re": r"(.*[._ (])?(re|real)([._ ()].*)?",
+    "im": r"(.*[._ (])?(im|imag(inary)?)([._ ()].*)?",
     "size": r"(.*[._ ])?(mag(nitude)?|abs|size|amplitude|gain)([._ ].*)?",
     "phase": r"(.*[._ ])?(phase|angle|arg)([._ ].*)?",
     "coherence": r"(.*[._ ])?(coh(erence)?|gamma2?|msc)",
@@ -81,18 +82,21 @@ def find_response(columns: Columns) -> ResponseTable | None:
     Raises
     ------
     FieldError
-        If it is one, but values are out of range, or the phase names no unit.
+        If it is one, but values are out of range, the phase names no unit, or several responses
+        are in it.
     """
-    found: dict[str, Column] = {}
+    called: defaultdict[str, list[Column]] = defaultdict(list)
     for column in columns.columns:
         name = split_name(column.name)[0].strip().lower()
         for role, pattern in _PATTERNS.items():
-            if role not in found and re.fullmatch(pattern, name):
-                found[role] = column
+            if re.fullmatch(pattern, name):
+                called[role].append(column)
                 break
-    parts = {"re", "im"} <= set(found)
-    if "frequency" not in found or not (parts or {"size", "phase"} <= set(found)):
+    parts = {"re", "im"} <= set(called)
+    if "frequency" not in called or not (parts or {"size", "phase"} <= set(called)):
         return None
+    used = ("frequency", *(("re", "im") if parts else ("size", "phase")), "coherence")
+    found = {role: _only(called[role]) for role in used if role in called}
     rows = found["frequency"].values.size
     if rows > MAX_ROWS or any(column.values.size != rows for column in found.values()):
         raise FieldError(
@@ -114,6 +118,19 @@ def find_response(columns: Columns) -> ResponseTable | None:
         if not _unit(found[role])
     )
     return ResponseTable(frequency, response, coherence, notes)
+
+
+def _only(columns: list[Column]) -> Column:
+    """Return the column that is called like a part of a response; it may stand there twice."""
+    first, *others = columns
+    for other in others:
+        if not np.array_equal(first.values, other.values, equal_nan=True):
+            raise FieldError(
+                "response",
+                f"{first.name!r} and {other.name!r} are of several: save one response, with "
+                "its frequency, as a table of its own",
+            )
+    return first
 
 
 def _response(found: dict[str, Column]) -> ComplexArray:

@@ -228,7 +228,9 @@ def open_file(path: Path) -> h5py.File:
     if not h5py.is_hdf5(path):
         raise StudyError(
             f"{path} is not an HDF5 file, or its beginning is damaged; accepted: an HDF5 file, "
-            "or a recording with a column map beside it: frictus study import makes both"
+            "or a recording with a column map beside it: frictus study import makes both "
+            "(frictus identify takes a frequency response, too, with columns called frequency, "
+            "real and imag)"
         )
     try:
         return h5py.File(path, "r")

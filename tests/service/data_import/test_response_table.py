@@ -48,7 +48,7 @@ def test_intervals_hold_the_law(rng: np.random.Generator) -> None:
     assert np.all((held >= 180) & (held <= 198)), held
 
 
-@pytest.mark.parametrize("layout", ["parts.csv", "bode.csv", "complex.mat"])
+@pytest.mark.parametrize("layout", ["parts.csv", "analyser.csv", "bode.csv", "complex.mat"])
 def test_the_command_fits_a_table(layout: str, tmp_path: Path) -> None:
     path, response = tmp_path / layout, law(HZ)
     if layout == "complex.mat":
@@ -56,6 +56,13 @@ def test_the_command_fits_a_table(layout: str, tmp_path: Path) -> None:
     elif layout == "parts.csv":
         table = np.column_stack([HZ, response.real, response.imag, np.full(HZ.size, 0.9)])
         np.savetxt(path, table, "%.9g", ",", header="f [Hz],Re H,Im H,coherence", comments="")
+    elif layout == "analyser.csv":  # each trace in each form, two traces of one response
+        size_db = 20.0 * np.log10(np.abs(response))
+        table = np.column_stack([HZ, *2 * [response.real, response.imag, size_db]])
+        header = "Frequency (Hz)" + "".join(
+            f",TR{trace}: Gain ({form})" for trace in (1, 2) for form in ("Real", "Imag", "dB")
+        )
+        np.savetxt(path, table, "%.9g", ",", header=header, comments="")
     else:
         size_db, phase = 20.0 * np.log10(np.abs(response)), np.unwrap(np.angle(response))
         table = np.column_stack([HZ / 1e3, size_db, np.rad2deg(phase)])
@@ -80,6 +87,17 @@ def test_the_command_fits_a_table(layout: str, tmp_path: Path) -> None:
         ([[5, 1, 0]] * 6, "f,mag,phase", 'names no unit: call it "phase (deg)" or'),
         ([[5, 1, 0]] * 6, "f,mag,phase (Hz)", 'names no unit: call it "phase (deg)" or'),
         ([[5, 1, 0, 2]] * 6, "f,re,im,coh", "accepted: squared coherence"),
+        (
+            [[5, 1, 0, 1, 2]] * 6,
+            "f,H1 re,H1 im,H2 re,H2 im",
+            "'H1 im' and 'H2 im' are of several: save",
+        ),
+        (
+            [[5, 1, 0, 2]] * 6,
+            "f,1 mag,2 mag,2 phase (deg)",
+            "'1 mag' and '2 mag' are of several: save",
+        ),
+        ([[5, 1, 0]] * 6, "a,b,c", "with columns called frequency, real and imag"),
         ([[5, 1, 0]] * 6, "f,re,im", "has 1 frequencies with a value; accepted: 4"),
     ],
 )
@@ -111,6 +129,18 @@ def test_a_phase_is_taken_in_its_unit_and_what_names_none_is_told(
     assert found["delay_s"]["value"] == pytest.approx(120e-6, abs=1e-8)
     assert "f names no unit: taken as Hz" in found["notes"]
     assert any("magnitude names no unit: taken as a plain number" in n for n in found["notes"])
+
+
+def test_a_response_before_its_drive_is_told(tmp_path: Path) -> None:
+    """Of a law that is ahead by 50 us, as where a monitor was sampled beside the force."""
+    ahead = law(HZ) * np.exp(2j * np.pi * HZ * 170e-6)
+    for response, told in ((ahead, True), (law(HZ), False)):
+        path = tmp_path / "table.csv"
+        table = np.column_stack([HZ, response.real, response.imag])
+        np.savetxt(path, table, "%.9g", ",", header="f [Hz],re,im", comments="")
+        result = CliRunner().invoke(app, ["identify", str(path), "--json"])
+        found = json.loads(result.stdout)
+        assert any("the delay is below 0" in note for note in found["notes"]) == told
 
 
 def test_a_flat_response_has_no_cutoff() -> None:

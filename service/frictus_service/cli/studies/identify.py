@@ -105,6 +105,12 @@ def _identify_table(path: Path, table: "ResponseTable", as_json: bool) -> None:
         "hold are taken as removed, and no model is written",
         *table.notes,
     ]
+    if found.delay_s.ci95 is not None and found.delay_s.ci95[1] < 0.0:
+        notes.append(
+            "the delay is below 0, and no response comes before its drive: drive and friction "
+            "were not sampled at one time, or the response is not of first order, and gain and "
+            "cutoff mean nothing"
+        )
     if wants_lines(as_json):
         fitted = {
             name: getattr(found, name).model_dump() for name in ("gain", "cutoff_hz", "delay_s")
