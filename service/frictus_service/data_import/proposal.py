@@ -264,23 +264,31 @@ class _Draft:
         return fitting[0] if fitting else candidates[0]
 
     def _is_open(self, name: str) -> bool:
-        return any(question.entry == f"{name}.unit" for question in self.questions)
+        """Return whether the unit of a channel is a question, as that of counts is."""
+        return not self._asked.isdisjoint((name, f"{name}.", f"{name}.unit"))
+
+    @property
+    def _asked(self) -> set[str]:
+        return {question.entry for question in self.questions}
 
     def settle_axes(self) -> None:
-        """Give the axes of an accelerometer the unit that one of them shows."""
-        axes = [name for name in self.channels if name.startswith("accel_")]
-        known = [name for name in axes if not self._is_open(name)]
-        for name in axes if known else ():
-            if self._is_open(name):
-                unit = self.channels[known[0]].unit
-                self.channels[name] = self.channels[name].model_copy(update={"unit": unit})
+        """Give the axes of a sensor the unit that one of them shows, whatever their order."""
+        by_name = {column.name: column for column in self._columns.columns}
+        for sensor in ("accel_", "force_"):
+            axes = [name for name in self.channels if name.startswith(sensor)]
+            known = [name for name in axes if not self._is_open(name)]
+            for name in axes if known else ():
+                first, mapped = self.channels[known[0]], self.channels[name]
+                column, factor = by_name[mapped.column], UNITS[first.unit].factor
+                # A vibration has no usual size.
+                fits = sensor == "accel_" or _fits(BY_NAME[name], column, factor)
+                if f"{name}.unit" not in self._asked or not fits:
+                    continue
+                self.channels[name] = mapped.model_copy(update={"unit": first.unit})
                 self.reasons.append(f"{name} has the unit of {known[0]}: one sensor")
-        if known:
-            self.questions = [
-                question
-                for question in self.questions
-                if not (question.entry.startswith("accel_") and question.entry.endswith("unit"))
-            ]
+                self.questions = [
+                    question for question in self.questions if question.entry != f"{name}.unit"
+                ]
 
     def _ask_scale(self, name: str, column: Column) -> None:
         self.questions.append(

@@ -46,6 +46,19 @@ def test_a_friction_coefficient_is_no_force() -> None:
     assert "force_x" in proposed(Column("friction [N]", FORCE_N)).column_map.channels
 
 
+def test_axes_of_a_force_sensor_have_one_unit_whatever_their_order() -> None:
+    """Friction of 2 may be newtons or grams, a normal force of 2 is none of grams."""
+    axes = (Column("fx", 10.0 * FORCE_N), Column("fz", np.full(TIME_S.size, 2.0)))
+    for columns in (axes, axes[::-1]):
+        found = proposed(*columns)
+        assert not asked(found)
+        units = {name: mapped.unit for name, mapped in found.column_map.channels.items()}
+        assert units["force_x"] == units["force_z"] == "N"
+    for unit, entry in (("kPa", "force_z"), ("counts", "force_z.")):  # tell no unit of another
+        other = Column("fz", np.full(TIME_S.size, 2.0), unit)
+        assert asked(proposed(other, axes[0])) == {entry, "force_x.unit"}
+
+
 def test_trials_in_a_matrix_are_no_axes() -> None:
     """Twenty trials of one force: the first three are not those of x, y and z."""
     trials = [Column(f"force:{n}", FORCE_N, "N") for n in range(1, 21)]
