@@ -138,6 +138,9 @@ def test_objects_in_a_matlab_file_and_two_variables_of_one_name(tmp_path: Path) 
     path.write_bytes(saved + session + session)
     assert [column.name for column in read_columns(path).columns] == ["out"]
     np.testing.assert_array_equal(read_impacts(path).samples, np.arange(5.0))
+    path.write_bytes(saved[:128] + session)
+    with pytest.raises(StudyError, match="save it by writetable or writetimetable"):
+        read_columns(path)
     path.write_bytes(saved + saved[128:])
     with pytest.raises(StudyError, match=r'Duplicate variable name "out".*each variable once'):
         read_columns(path)

@@ -196,8 +196,9 @@ class Gatherer:
         if not any(column.values.size > 1 for column in self._columns):
             raise StudyError(
                 "it holds no column of numbers; accepted: arrays of samples of one or two "
-                "dimensions, also in structs and cells; save trials in a table or an array of "
-                "more dimensions each as a struct, or as a file"
+                "dimensions, also in structs and cells; a table or timetable of MATLAB only "
+                "MATLAB reads: save it by writetable or writetimetable as CSV, and trials in "
+                "an array of more dimensions each as a struct, or as a file"
             )
         return Columns(
             self._format,
