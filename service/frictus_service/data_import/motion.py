@@ -37,7 +37,10 @@ STROKES: Final = (
     "sections of one direction that last 0.1 s and 3 mm at least, the finger pressing"
 )
 """What a stroke is, for people."""
-LOOK_AT: Final = "unit and sign of position and normal force"
+LOOK_AT: Final = (
+    "unit and sign of position and normal force, and at the rate of the positions, 30 Hz at "
+    "least"
+)
 """Where none is found."""
 CONTACT_S: Final = 0.02
 """The normal force is averaged over so long before it says whether the finger presses."""

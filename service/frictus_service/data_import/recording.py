@@ -1,5 +1,6 @@
 """A file and its column map as one continuous recording, in the units and axes of a study."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -24,6 +25,8 @@ from frictus_service.errors import FieldError, listed
 
 END_TOLERANCE: Final = 0.02
 """Of the length of the recording by which channels may end apart."""
+STAGE_HZ: Final = 100.0
+"""At which the path of a stage of known speed is given at least: 30 Hz tell a motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +271,9 @@ class _Mapped:
             speed = np.full(len(force.values), self._map.stage_speed_mm_s)
         else:
             return np.empty((0, 2)), np.empty(0)
+        if velocity is None:  # between two samples of a slow log the stage moves on
+            finer = math.ceil(STAGE_HZ * step_s)
+            speed, step_s = np.repeat(speed, finer), step_s / finer
         missing = np.isnan(speed)
         there = np.flatnonzero(~missing)
         if missing.any() and there.size:

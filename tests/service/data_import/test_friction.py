@@ -1,5 +1,6 @@
 """Friction of slides whose law is known: exponents, periods, sawteeth, and none of them."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -235,3 +236,37 @@ def test_the_command(rng: np.random.Generator, tmp_path: Path) -> None:
         assert result.exit_code == 0, result.stderr
         assert '"driven": 0' in result.stdout
         assert '"stick_slip": {' in result.stdout
+
+
+def test_a_slow_log_of_a_stage_tells_the_coefficient(tmp_path: Path) -> None:
+    """Tribometers write a row ten times a second; 0.6 N of friction at 3 N are 0.2."""
+    file = tmp_path / "disc_75mmps.csv"
+    rows = [f"{0.1 * row:.1f},0.6,3.0" for row in range(300)]
+    file.write_text("\n".join(["t [s],Fx [N],Fz [N]", *rows]))
+    runner = CliRunner()
+    imported = runner.invoke(
+        app, ["study", "import", str(file), str(tmp_path / "out.h5"), "--yes"]
+    )
+    assert "10 Hz is too slow" in imported.stderr  # for a study; its map is saved
+    more = [file.with_name(f"disc{number}.csv") for number in range(2)]
+    for each in more:
+        each.write_bytes(file.read_bytes())
+    maps = ["--map", str(file) + ".map.toml"]
+    files = [str(each) for each in (file, *more)]
+    result = runner.invoke(app, ["study", "show", "--friction", *files, *maps, "--json"])
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["slides"] == 3
+    assert found["coefficient"]["coefficient"]["value"] == pytest.approx(0.2, rel=1e-6)
+    assert found["coefficient"]["speed_mm_s"] == pytest.approx(75.0, rel=1e-6)
+
+
+def test_positions_that_come_too_rarely_are_told(tmp_path: Path) -> None:
+    """At 10 Hz no unit or sign is wrong."""
+    file = tmp_path / "slow.csv"
+    rows = [f"{0.1 * row:.1f},0.6,3.0,{7.5 * row:.1f}" for row in range(60)]
+    file.write_text("\n".join(["t [s],Fx [N],Fz [N],x [mm]", *rows]))
+    CliRunner().invoke(app, ["study", "import", str(file), str(tmp_path / "out.h5"), "--yes"])
+    result = CliRunner().invoke(app, ["study", "show", "--friction", str(file)])
+    assert result.exit_code == 2
+    assert "rate of the positions, 30 Hz at least" in result.stderr
