@@ -205,6 +205,19 @@ def test_of_single_tones_it_says_who_knows_more(
     assert ("frictus identify" in told.stderr) == said
 
 
+def test_a_study_with_a_turned_force_is_not_followed(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """As identify and discover refuse it: a law of it would be nonsense."""
+    path = tmp_path / "study.h5"
+    with StudyWriter(path, STUDY) as writer:
+        one = trial(Made(TONES_HZ, 60.0, noise_n=0.002), rng)
+        writer.add(replace(one, force_n=one.force_n * np.array([-1.0, 1.0, 1.0])))
+    told = CliRunner().invoke(app, ["track", str(path)])
+    assert told.exit_code == Exit.USAGE
+    assert "friction falls when the drive rises" in told.stderr
+
+
 def test_a_study_has_its_own_mount_and_another_is_refused(study: Path) -> None:
     told = CliRunner().invoke(app, ["track", str(study), "--mount", "none"])
     assert told.exit_code == Exit.USAGE

@@ -182,7 +182,9 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
     """Follow each participant of a study; return the estimate of the one that was named."""
     from frictus_service.calibration.coordinates import Prior
     from frictus_service.errors import EstimateError
-    from frictus_service.identification.pipeline.study import position_delay_s
+    from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
+    from frictus_service.identification.plausibility.finding import stop_if_implausible
+    from frictus_service.identification.plausibility.judge import judge_study
     from frictus_service.study.file_state import unchanged
     from frictus_service.study.reader import StudyReader
     from frictus_service.tracking.recorded import follow_study
@@ -190,7 +192,9 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
     with unchanged(file), StudyReader(file) as reader:
         if any(len(asked.tones_hz) == 1 for asked in reader.trials):
             sys.stderr.write(f"{OF_TONES}\n")
-        late_s = position_delay_s(file)
+        records = records_of(read_study(file, OBSERVER))
+        stop_if_implausible(judge_study(records, "friction"), str(file))
+        late_s = max((each.statistics.positions_earlier_s for each in records), default=0.0)
         if late_s:
             sys.stderr.write(f"positions come {1e3 * late_s:.1f} ms late: read without it\n")
         states = follow_study(reader, Prior.weak(), lambda told: _show(told, as_json), late_s)

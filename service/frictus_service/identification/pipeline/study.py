@@ -148,27 +148,6 @@ def read_study(
     return _without_copies(readings)
 
 
-def position_delay_s(path: Path | str) -> float:
-    """Return by how much the positions of a study are late that does not say it; 0 if it does.
-
-    As `read_study` takes it off; see `sensor_delay_s`.
-
-    Parameters
-    ----------
-    path : Path or str
-        Of the file.
-
-    Returns
-    -------
-    float
-        In s.
-    """
-    work = _Work(path, OBSERVER)
-    with open_study(work.path) as study:
-        stated = study.info.positions_late_s is not None
-        return 0.0 if stated else sensor_delay_s(records_of(work.through(study)))
-
-
 class _Work:
     """How the trials of a study are read."""
 
