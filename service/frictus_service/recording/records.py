@@ -161,7 +161,11 @@ class RecordScanner:
             At the first record that is not whole; all that was yielded before it is right.
         """
         if self._take(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise TornError(0, "not an MCAP file: its first bytes are others")
+            raise TornError(
+                0,
+                "not an MCAP file: its first bytes are others (frictus study import makes a "
+                "study of another program's recording)",
+            )
         first = True
         while True:
             start, crc = self._offset, self._crc

@@ -144,6 +144,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     refused = run("track", file)
     assert refused.exit_code == Exit.USAGE
     assert str(file) in refused.stderr
+    assert "frictus study import makes a study" in " ".join(refused.stderr.split())
 
 
 def test_why_a_torn_recording_has_no_status_is_said(tmp_path: Path) -> None:
