@@ -146,6 +146,8 @@ def read_csv(
         cells = [cell.strip() for cell in line.split(separator)]
         if not any(cells):
             continue
+        if len(cells) > 1 and not cells[-1]:  # programs end rows in a separator
+            cells.pop()
         try:
             row = [float(cell.replace("_", "?")) for cell in cells]  # 1_0 is no number
         except ValueError:

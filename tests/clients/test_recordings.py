@@ -124,6 +124,17 @@ def test_a_column_of_newtons_becomes_a_period_in_mm(tmp_path: Path) -> None:
     assert texture.angle_deg == 90.0
 
 
+def test_rows_may_end_in_a_separator(tmp_path: Path) -> None:
+    """A row that cannot be read because of it was quoted as no numbers."""
+    path = tmp_path / "a.csv"
+    rows = "\n".join(f"{n / 1000:.6f},{0.1 * (n % 2)}," for n in range(100))
+    path.write_text("time,force\n" + rows, encoding="utf-8")
+    texture = load_texture(path)
+    assert isinstance(texture, Profile)
+    assert texture.period_s == pytest.approx(0.1)
+    assert texture.friction_n[:2] == pytest.approx([-0.05, 0.05])
+
+
 def test_two_columns_bring_their_own_rate(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     rows = "\n".join(f"{5 + n / 1000:.6f};{0.1 * (n % 2)}" for n in range(100))
