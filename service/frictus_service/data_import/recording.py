@@ -27,6 +27,10 @@ END_TOLERANCE: Final = 0.02
 """Of the length of the recording by which channels may end apart."""
 STAGE_HZ: Final = 100.0
 """At which the path of a stage of known speed is given at least: 30 Hz tell a motion."""
+SLOWEST_LOG_HZ: Final = 1.0
+"""Rows farther apart tell nothing of the path between them."""
+MOST_PLACES: Final = 1 << 24
+"""Two days of a path at `STAGE_HZ`; that of a longer log is given less finely."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,8 +275,9 @@ class _Mapped:
             speed = np.full(len(force.values), self._map.stage_speed_mm_s)
         else:
             return np.empty((0, 2)), np.empty(0)
-        if velocity is None:  # between two samples of a slow log the stage moves on
-            finer = math.ceil(STAGE_HZ * step_s)
+        if velocity is None and step_s * SLOWEST_LOG_HZ <= 1.0:
+            # Between two samples of a slow log the stage moves on.
+            finer = max(min(math.ceil(STAGE_HZ * step_s), MOST_PLACES // speed.size), 1)
             speed, step_s = np.repeat(speed, finer), step_s / finer
         missing = np.isnan(speed)
         there = np.flatnonzero(~missing)

@@ -270,3 +270,14 @@ def test_positions_that_come_too_rarely_are_told(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["study", "show", "--friction", str(file)])
     assert result.exit_code == 2
     assert "rate of the positions, 30 Hz at least" in result.stderr
+
+
+def test_rows_of_days_apart_tell_no_path(tmp_path: Path) -> None:
+    """A path of 100 Hz through a thousand days would take all memory."""
+    file = tmp_path / "days.csv"
+    rows = [f"{86_400 * row},{0.6 if row // 100 % 2 else -0.6},3.0" for row in range(1_000)]
+    file.write_text("\n".join(["t [s],Fx [N],Fz [N]", *rows]))
+    given = [str(file), str(tmp_path / "out.h5"), "--yes", "--set", "stage_speed_mm_s=1"]
+    result = CliRunner().invoke(app, ["study", "import", *given])
+    assert result.exit_code == 2
+    assert "too slow" in result.stderr
