@@ -17,6 +17,9 @@ from frictus_service.errors import FieldError, StudyError
 from frictus_service.study.importers import importers
 
 MAX_ROWS: Final = 100_000
+_CALLED: Final = {"re": "real part", "im": "imaginary part", "size": "magnitude"}
+SAME: Final = 0.01
+"""Of the largest value, by which one part in two units may differ as it was written."""
 _PATTERNS: Final = {
     "frequency": r"f|freq(uency)?|frequencies|hz|f_hz",
     "re": r"(.*[._ (])?(re|real)([._ ()].*)?",
@@ -96,13 +99,13 @@ def find_response(columns: Columns) -> ResponseTable | None:
     if "frequency" not in called or not (parts or {"size", "phase"} <= set(called)):
         return None
     used = ("frequency", *(("re", "im") if parts else ("size", "phase")), "coherence")
-    found = {role: _only(called[role]) for role in used if role in called}
+    found = {role: _only(role, called[role]) for role in used if role in called}
     rows = found["frequency"].values.size
     if rows > MAX_ROWS or any(column.values.size != rows for column in found.values()):
         raise FieldError(
             "frequency", f"has {rows} rows; accepted: up to {MAX_ROWS}, as many in each column"
         )
-    frequency = found["frequency"].values * (_factor(found["frequency"], "Hz") or 1.0)
+    frequency = _plain("frequency", found["frequency"])
     if not np.all(frequency >= 0.0):
         raise FieldError("frequency", "has values below 0, or missing; accepted: Hz")
     coherence = found["coherence"].values if "coherence" in found else None
@@ -120,32 +123,49 @@ def find_response(columns: Columns) -> ResponseTable | None:
     return ResponseTable(frequency, response, coherence, notes)
 
 
-def _only(columns: list[Column]) -> Column:
-    """Return the column that is called like a part of a response; it may stand there twice."""
+def _only(role: str, columns: list[Column]) -> Column:
+    """Return the column of a part of a response; it may be there twice, in dB and without."""
     first, *others = columns
+    plain = _plain(role, first)
     for other in others:
-        if not np.array_equal(first.values, other.values, equal_nan=True):
+        if not _alike(plain, _plain(role, other)):
             raise FieldError(
                 "response",
-                f"{first.name!r} and {other.name!r} are of several: save one response, with "
-                "its frequency, as a table of its own",
+                f"{first.name!r} and {other.name!r} are both called like its "
+                f"{_CALLED.get(role, role)}, and differ: save one response, with its "
+                "frequency, as a table of its own",
             )
     return first
+
+
+def _alike(values: FloatArray, others: FloatArray) -> bool:
+    """Return whether columns hold the same but for the digits they were written with."""
+    if values.size != others.size:
+        return False
+    largest = np.max(np.abs(values), where=np.isfinite(values), initial=0.0)
+    with np.errstate(invalid="ignore"):  # of two that are infinite
+        return not np.any(np.abs(values - others) > SAME * largest)
+
+
+def _plain(role: str, column: Column) -> FloatArray:
+    """Return a part of a response in Hz, as a number, or in rad; as it is without a unit."""
+    if role == "size" and _unit(column) == "dB":
+        level: FloatArray = 10.0 ** (column.values / 20.0)
+        return level
+    like = {"frequency": "Hz", "phase": "rad"}.get(role)
+    return column.values * ((like and _factor(column, like)) or 1.0)
 
 
 def _response(found: dict[str, Column]) -> ComplexArray:
     if {"re", "im"} <= set(found):
         return found["re"].values + 1j * found["im"].values
-    size = found["size"]
-    level = _unit(size) == "dB"
-    magnitude = 10.0 ** (size.values / 20.0) if level else size.values
-    if not level and not np.all(magnitude >= 0.0):
+    magnitude = _plain("size", found["size"])
+    if not np.all(magnitude >= 0.0):
         raise FieldError("magnitude", "has values below 0; where it is in dB, name the unit dB")
     # Degrees and radians cannot be told apart by their size: a cutoff of 200 Hz became 307.
-    radians = _factor(found["phase"], "rad")
-    if radians is None:
+    if _factor(found["phase"], "rad") is None:
         raise FieldError("phase", 'names no unit: call it "phase (deg)" or "phase (rad)"')
-    response: ComplexArray = magnitude * np.exp(1j * radians * found["phase"].values)
+    response: ComplexArray = magnitude * np.exp(1j * _plain("phase", found["phase"]))
     return response
 
 

@@ -90,12 +90,12 @@ def test_the_command_fits_a_table(layout: str, tmp_path: Path) -> None:
         (
             [[5, 1, 0, 1, 2]] * 6,
             "f,H1 re,H1 im,H2 re,H2 im",
-            "'H1 im' and 'H2 im' are of several: save",
+            "'H1 im' and 'H2 im' are both called like its imaginary part, and differ: save",
         ),
         (
             [[5, 1, 0, 2]] * 6,
             "f,1 mag,2 mag,2 phase (deg)",
-            "'1 mag' and '2 mag' are of several: save",
+            "'1 mag' and '2 mag' are both called like its magnitude, and differ: save",
         ),
         ([[5, 1, 0]] * 6, "a,b,c", "with columns called frequency, real and imag"),
         ([[5, 1, 0]] * 6, "f,re,im", "has 1 frequencies with a value; accepted: 4"),
@@ -109,6 +109,18 @@ def test_a_wrong_table_is_a_sentence(
     result = CliRunner().invoke(app, ["identify", str(path)])
     assert result.exit_code == 2
     assert sentence in result.stderr
+
+
+def test_one_response_in_two_units_is_one(tmp_path: Path) -> None:
+    """Analysers write the magnitude in dB, too, and the phase in both units."""
+    size, phase = np.abs(law(HZ)), np.unwrap(np.angle(law(HZ)))
+    table = np.column_stack([HZ, 20.0 * np.log10(size), size, np.rad2deg(phase), phase])
+    path = tmp_path / "both.csv"
+    header = "f (Hz),gain (dB),gain,phase (deg),phase (rad)"
+    np.savetxt(path, table, "%.4g", ",", header=header, comments="")
+    result = CliRunner().invoke(app, ["identify", str(path), "--json"])
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["gain"]["value"] == pytest.approx(0.4, rel=0.01)
 
 
 @pytest.mark.parametrize("unit", ["deg", "rad"])
