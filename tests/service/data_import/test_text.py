@@ -214,3 +214,26 @@ def test_measurements_of_labview(point: str, tmp_path: Path) -> None:
     channels = propose(found).column_map.channels
     assert set(channels) == {"time", "force_x", "force_z"}
     assert (channels["force_x"].unit, channels["force_z"].unit) == ("N", "lbf")
+
+
+@pytest.mark.parametrize(
+    ("rows", "names"),
+    [
+        (
+            "Channel name,Fx,Channel name,Fz,\n0,1,0,2,\n1,1,1,2,",
+            ["Fx time", "Fx", "Fz time", "Fz", ""],
+        ),
+        (
+            "Channel name,Fx,Channel name\n0,1,2\n1,1,2",
+            ["Channel name", "Fx", "Channel name (3)"],
+        ),
+    ],
+)
+def test_a_time_beside_each_channel_and_a_column_more(
+    rows: str, names: list[str], tmp_path: Path
+) -> None:
+    """A delimiter at the end makes none; what has no channel is no time of one."""
+    path = tmp_path / "day.csv"
+    path.write_text(rows)
+    found = [column.name for column in read_columns(path).columns]
+    assert found == [name or f"column {number}" for number, name in enumerate(names, 1)]

@@ -153,7 +153,13 @@ def _paired(texts: list[list[str]]) -> tuple[list[str], list[str]] | None:
     Programs of NI write `Channel name,Fx,Channel name,Fz` over `Unit,N,Unit,N`. Times are one
     clock where all intervals are alike.
     """
-    told = {fields[0].lower(): fields[1::2] for fields in texts if len(set(fields[::2])) == 1}
+    count = len(texts[0])
+    even = [fields[: count if fields[-1] else -1] for fields in texts]
+    told = {
+        fields[0].lower(): fields[1::2]
+        for fields in even
+        if len(fields) % 2 == 0 and len(set(fields[::2])) == 1
+    }
     channels = told.get("channel name", [])
     intervals = told.get("interval", channels)
     times = [f"{channel} time" for channel in channels]
@@ -161,7 +167,8 @@ def _paired(texts: list[list[str]]) -> tuple[list[str], list[str]] | None:
         times[0] = "time"
     names = [name for pair in zip(times, channels, strict=False) for name in pair]
     units = [each for unit in told.get("unit", [""] * len(channels)) for each in ("", unit)]
-    return (names, units) if channels else None
+    rest = [""] * (count - len(names))  # of rows that end in a delimiter
+    return (names + rest, units + rest) if channels else None
 
 
 def _is_unit(text: str) -> bool:
