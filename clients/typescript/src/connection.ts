@@ -5,9 +5,12 @@ import type { Asked, Told, Welcome } from "./messages.js";
 
 const PING_MS = 500;
 const SILENCE_MS = 3_000;
+/** Pings without an answer before a service is silent: a machine that slept has heard nothing either. */
+const QUIET_PINGS = 3;
 const WELCOME_MS = 5_000;
 const ANSWER_MS = 10_000;
 const CLOCK_READINGS = 16;
+const MAX_BYTES = 65_536;
 const PROTOCOL_MINOR = 1;
 
 /** A request was refused; `code` is a stable word for programs. */
@@ -59,6 +62,7 @@ export class Connection {
   #waiting = new Map<number, Waiting>();
   #readingsUs: number[] = [];
   #heardMs = performance.now();
+  #quiet = 0;
   #timer: ReturnType<typeof setInterval>;
   #ids = 0;
   #end!: (reason: string) => void;
@@ -117,16 +121,16 @@ export class Connection {
 
   /**
    * Send a message or, as bytes, a texture update.
-   * @throws ClosedError if the connection has ended
+   * @throws ClosedError if the connection has ended, RangeError if it is too large or not finite
    */
   send(message: Asked | ArrayBuffer): void {
-    if (this.#ended !== null) throw new ClosedError("the connection has ended: connect again");
-    this.#socket.send(message instanceof ArrayBuffer ? message : JSON.stringify(message));
+    if (this.#ended !== null) throw new ClosedError(`the connection has ended (${this.#ended}): connect again`);
+    this.#socket.send(message instanceof ArrayBuffer ? message : textOf(message));
   }
 
   /**
    * Send a request and wait for its answer.
-   * @throws RefusedError if it is refused, OutcomeUnknownError without an answer in time
+   * @throws RefusedError if it is refused, OutcomeUnknownError without an answer in time, else as `send`
    */
   async ask<Op extends Told["op"]>(request: Request, _answer: Op): Promise<Answer<Op>> {
     const id = this.#ids++;
@@ -151,6 +155,7 @@ export class Connection {
 
   #hear(data: string | ArrayBuffer): void {
     this.#heardMs = performance.now();
+    this.#quiet = 0;
     let heard: ReturnType<typeof read>;
     try {
       heard = read(data);
@@ -189,9 +194,10 @@ export class Connection {
   }
 
   #ping(): void {
-    if (performance.now() - this.#heardMs > SILENCE_MS) {
+    if (performance.now() - this.#heardMs > SILENCE_MS && this.#quiet >= QUIET_PINGS) {
       this.#lose("the service has fallen silent");
     } else {
+      this.#quiet++;
       this.#socket.send(JSON.stringify({ op: "ping", id: this.#ids++ }));
     }
   }
@@ -272,6 +278,21 @@ async function welcomed(
   } finally {
     clearTimeout(due);
   }
+}
+
+/** The text of a message that the service does not end the connection over, and with it the lease. */
+function textOf(message: Asked): string {
+  const text = JSON.stringify(message, (name, value: unknown) => {
+    if (typeof value === "number" && !Number.isFinite(value)) {
+      throw new RangeError(`${message.op}: ${value} at ${name}: finite numbers are accepted`);
+    }
+    return value;
+  });
+  const { length } = new TextEncoder().encode(text);
+  if (length <= MAX_BYTES) return text;
+  throw new RangeError(
+    `${message.op} of ${length} bytes: at most ${MAX_BYTES}; a larger scene goes by REST, PUT /v1/rigs/RIG/scene`,
+  );
 }
 
 function read(data: string | ArrayBuffer): Told | ReturnType<typeof decode> {

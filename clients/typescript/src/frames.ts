@@ -196,7 +196,8 @@ export function encodeUpdate(
   return buffer;
 }
 
-function within(name: string, value: number, low: number, high: number): void {
+/** @throws RangeError if a value is out of range or not finite */
+export function within(name: string, value: number, low: number, high: number): void {
   if (value >= low && value <= high) return; // NaN is not
   throw new RangeError(`${name} ${value}: ${low} to ${high} accepted`);
 }

@@ -1,7 +1,7 @@
 /** What one does with a rig: watch it, take it, set a scene, stream a texture. */
 
 import { open, ClosedError, RefusedError, type Connection, type ConnectOptions, type Events } from "./connection.js";
-import { encodeUpdate, type StreamName, type UpdateOptions } from "./frames.js";
+import { encodeUpdate, within, type StreamName, type UpdateOptions } from "./frames.js";
 import type { Applied, RigStatus, Scene, StreamClosed } from "./messages.js";
 
 /** An update is held back while so many bytes wait for the network. */
@@ -139,6 +139,7 @@ export class Rig {
 
   /** Open a texture stream; `peakN` is the largest |friction| that will be sent. */
   async openStream(peakN: number): Promise<TextureStream> {
+    within("peakN", peakN, 1e-6, 10);
     const request = { op: "open_stream", rig: this.name, peak_n: peakN } as const;
     const { ticket, applied } = await this.client.connection.ask(request, "stream_opened");
     return new TextureStream(this, ticket, peakN, applied);
@@ -146,6 +147,9 @@ export class Rig {
 
   /** Move the virtual finger of a simulated rig, which is to be watched. */
   point(xMm: number, yMm: number, options: { inContact?: boolean; normalForceN?: number } = {}): void {
+    within("xMm", xMm, -10_000, 10_000);
+    within("yMm", yMm, -10_000, 10_000);
+    within("normalForceN", options.normalForceN ?? 0.4, 0, 5);
     this.client.connection.send({
       op: "point",
       x_mm: xMm,

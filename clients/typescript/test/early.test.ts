@@ -94,6 +94,39 @@ test("why the service closed is told in its words", async () => {
   assert.equal(await client.closed, told);
 });
 
+test("what the service would end the connection over is refused before it is sent", async () => {
+  const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never, timeoutMs: 20 });
+  const rig = client.rig("rig1");
+  const scene = (friction_n: number[]) => ({
+    regions: [{ texture: { kind: "profile" as const, friction_n, period_mm: 100 } }],
+  });
+  await assert.rejects(rig.setScene(scene([0, NaN])), RangeError);
+  await assert.rejects(rig.setScene(scene(Array<number>(32_768).fill(0))), {
+    name: "RangeError",
+    message: /^set_scene of \d+ bytes: at most 65536; a larger scene goes by REST/,
+  });
+  for (const peakN of [0, 11, NaN]) await assert.rejects(rig.openStream(peakN), RangeError);
+  assert.throws(() => rig.point(NaN, 0), RangeError);
+  assert.throws(() => rig.point(0, 10_001), RangeError);
+  assert.throws(() => rig.point(0, 0, { normalForceN: 6 }), RangeError);
+  assert.equal(client.connection.ended, null);
+  client.close();
+  assert.throws(() => rig.point(0, 0), /ended \(closed by this client\)/);
+});
+
+test("a machine that slept asks before it takes the service for silent", async (t) => {
+  t.mock.timers.enable({ apis: ["setInterval"] });
+  let nowMs = performance.now();
+  t.mock.method(performance, "now", () => nowMs);
+  const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never });
+  await client.next("rigs"); // from here on nothing comes
+  nowMs += 60_000;
+  t.mock.timers.tick(500);
+  assert.equal(client.connection.ended, null);
+  for (let ping = 0; ping < 3; ping++) t.mock.timers.tick(500);
+  assert.equal(await client.closed, "the service has fallen silent");
+});
+
 test("what was waited for is not kept", async () => {
   const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never });
   const kept = await client.next("rigs").then((told) => new WeakRef(told));
