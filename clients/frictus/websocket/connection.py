@@ -237,8 +237,10 @@ class Connection:
                 self._quiet = 0
                 self._take(data)
         except ConnectionClosed as error:
-            refused = "" if self._refusal is None else f": {self._refusal.message}"
-            self._lose(f"{why_closed(error)}{refused}")
+            reason, refusal = why_closed(error), self._refusal
+            if refusal is not None and refusal.code == reason:
+                reason = f"{reason}: {refusal.message}"
+            self._lose(reason)
         except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
             told = explain(error) if isinstance(error, ValidationError) else str(error)
             self._lose(f"it sent what cannot be read: {told}")
@@ -272,10 +274,9 @@ class Connection:
         self._hear(message)
 
     def _refuse(self, refused: Refused, waiting: _Waiting | None) -> None:
-        """Fail the request that is refused; one that ends the connection is not numbered."""
+        """Fail the request that is refused, by its name where it came without its number."""
         error = RefusedError(refused.code, refused.message)
-        if waiting is None:
-            self._refusal = refused
+        self._refusal = refused
         for other in self._waiting.values() if waiting is None else (waiting,):
             if other.op == refused.what and not other.answer.done():
                 other.answer.set_exception(error)

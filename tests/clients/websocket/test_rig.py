@@ -225,7 +225,7 @@ def test_who_may_look_may_stop(port: int) -> None:
                 async with watched.arm():
                     pass
             assert refused.value.code == "missing_scope"  # that ends the connection, too
-            with pytest.raises(frictus.LinkError, match="scope"):
+            with pytest.raises(frictus.LinkError, match="missing_scope: this needs the scope"):
                 async for _ in watched.fingers(timeout_s=PATIENCE_S):
                     pass
 

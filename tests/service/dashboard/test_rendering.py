@@ -275,10 +275,15 @@ def test_the_lease_is_as_long_as_the_page_asks(port: int) -> None:
 
 
 def test_one_that_only_reads_sets_nothing(port: int) -> None:
-    for op, fields in (("set_scene", {"scene": {}}), ("open_stream", {"peak_n": 0.1})):
+    for op, fields in (
+        ("set_scene", {"scene": {}}),
+        ("open_stream", {"peak_n": 0.1}),
+        ("arm", {}),
+    ):
         with page_at(port, who="read") as page:
-            page.say(op, rig="rig1", **fields)
-            assert page.wait("refused")["code"] == "missing_scope"
+            page.say(op, rig="rig1", id=7, **fields)
+            refused = page.wait("refused")
+            assert (refused["code"], refused["id"]) == ("missing_scope", 7)
 
 
 def test_origins_of_the_configuration_are_let_in(serve: Any, router: str) -> None:

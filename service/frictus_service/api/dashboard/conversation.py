@@ -106,7 +106,7 @@ class Conversation:
         try:
             await self._converse()
         except RefusedViewerError as refusal:
-            await self._refuse(refusal, None)
+            await self._refuse(refusal)
             async with asyncio.timeout(SEND_S):
                 await self._socket.close(refusal.close or NOT_ALLOWED, refusal.code)
 
@@ -151,8 +151,9 @@ class Conversation:
                     ends.push_async_callback(rendering.close)
                     ends.push_async_callback(arming.close)
 
-    async def _refuse(self, refusal: RefusedViewerError, request: int | None) -> None:
-        told = Refused(what=refusal.what, code=refusal.code, message=str(refusal), id=request)
+    async def _refuse(self, refusal: RefusedViewerError) -> None:
+        code, message = refusal.code, str(refusal)
+        told = Refused(what=refusal.what, code=code, message=message, id=refusal.request)
         await self._send(told.model_dump_json())
 
     async def _greeted(self) -> tuple[str, Collection[Scope], str]:
@@ -192,9 +193,10 @@ class Conversation:
                 else:
                     await self._do(asked, viewer, pointing, arming, rendering)
             except RefusedViewerError as refusal:
+                refusal.request = getattr(asked, "id", None)
                 if refusal.close is not None:
                     raise
-                await self._refuse(refusal, getattr(asked, "id", None))
+                await self._refuse(refusal)
 
     async def _do(
         self,

@@ -73,7 +73,14 @@ class RefusedViewerError(ServiceError, PermissionError):
         For people: what was wrong, what is accepted, what to do.
     close : int or None
         Code that the connection is closed with; None: it stays.
+
+    Attributes
+    ----------
+    request : int or None
+        `id` of the request that is refused; None where it has none, or could not be read.
     """
+
+    request: int | None = None
 
     def __init__(self, what: str, code: str, message: str, close: int | None) -> None:
         super().__init__(message)
