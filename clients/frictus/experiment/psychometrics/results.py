@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from frictus.errors import ArgumentError
 from frictus.experiment.protocol import Protocol
 from frictus.experiment.psychometrics.fitting import Estimate, PsychometricFit, fit
-from frictus.experiment.stimuli import Pairs
+from frictus.experiment.stimuli import Difference, Pairs
 from frictus.experiment.tasks import guess_rate
 from frictus.experiment.trial_row import status_of
 
@@ -38,7 +38,8 @@ class ConditionResult:
     fit : PsychometricFit or None
         Of choices.
     exponent : Estimate or None
-        Of Stevens' power law, of magnitudes.
+        Of Stevens' power law, of magnitudes: of one interval over its amplitude, of two over
+        the level.
     setting : Estimate or None
         Geometric mean of the levels set.
     ratings : dict of str to float or None
@@ -115,6 +116,8 @@ def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> Condit
         rated = [row for row in answered if row["level_rendered"] > 0.0]
         numbers = [float(row["response"]) for row in rated]
         levels = [row["level_rendered"] for row in rated]
+        if isinstance(stimulus, Difference) and task.intervals == 1:  # a law of amplitudes
+            levels = [10.0 ** (level / 20.0) for level in levels]
         if len(set(levels)) > 1 and len(levels) > 2 and min(numbers) > 0.0:
             values["exponent"] = power_law_exponent(levels, numbers)
     elif task.kind == "adjustment":
