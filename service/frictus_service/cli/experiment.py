@@ -24,6 +24,7 @@ OBSERVER: Final = "observer"
 
 if TYPE_CHECKING:
     from frictus.experiment import (
+        Experiment,
         Participant,
         PresentedInterval,
         Protocol,
@@ -95,7 +96,7 @@ def experiment(
     from frictus_service.experiments.report import result_lines
 
     chosen = load_protocol(protocol)
-    participant = participant or (OBSERVER if observer else "01")
+    named, participant = participant, participant or (OBSERVER if observer else "01")
     if observer != participant.startswith(OBSERVER):
         raise typer.BadParameter(
             f"participant {participant!r}: the name of a simulated observer (--observer) "
@@ -119,14 +120,18 @@ def experiment(
             if observer:
                 virtual = VirtualParticipant(found, chosen.task, SimulatedObserver(), made.seed)
                 with closing(virtual), made:
+                    _say_place(made, participant)
                     made.run(_Told(virtual))
             else:
                 person = Keyboard(chosen)
                 with made:
+                    _say_place(made, participant)
                     made.run(person)
     rows, _ = read_log(path)
     if rows:
         begun(chosen, rows[0], str(path))  # what another protocol asked is not analysed
+        if named is not None and (held := rows[0].get("participant")) != named:
+            raise typer.BadParameter(f"{path} is of participant {held!r}, not {named!r}")
     if events is not None:
         table, sidecar = write_events(rows, events)
         sys.stderr.write(f"events: {table}, {sidecar}\n")
@@ -227,6 +232,14 @@ class Keyboard:
             Whether it was.
         """
         _say("  right" if right else "  wrong")
+
+
+def _say_place(experiment: "Experiment", participant: str) -> None:
+    """Say that a log holds trials already: they may be another person's of the same name."""
+    if before := experiment.schedule.recorded:
+        goes_on = experiment.next() is not None
+        rest = "goes on after them" if goes_on else "is complete: nothing is presented"
+        _say(f"the log holds {before} trials of {participant!r} and {rest}")
 
 
 def _say(text: str) -> None:

@@ -22,6 +22,7 @@ from frictus.experiment import (
     Experiment,
     SimulatedObserver,
     load_protocol,
+    parse_protocol,
     read_log,
 )
 from frictus.keys import STREAMS
@@ -239,6 +240,30 @@ def test_a_person_types(router: str, tmp_path: Path) -> None:
     done = run(short, tmp_path, router, typed="1\n")
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["trials"] == 3
+    assert "the log holds 2 trials of '01' and goes on after them" in done.stderr
+    again = run(short, tmp_path, router).stderr
+    assert "the log holds 3 trials of '01' and is complete: nothing is presented" in again
+
+
+def test_the_log_of_another_participant_is_not_analysed_as_that_of_the_one_named(
+    tmp_path: Path,
+) -> None:
+    protocol = parse_protocol(DIFFERENCE.encode(), "")
+    header = {
+        "format": "frictus-experiment/1",
+        "participant": "P07",
+        "seed": 1,
+        "order_row": 0,
+        "protocol": protocol.model_dump(mode="json"),
+    }
+    (tmp_path / "log.jsonl").write_text(json.dumps(header) + "\n")
+    other = run(DIFFERENCE, tmp_path, "", "--results", "--participant", "P08")
+    assert other.exit_code == 2
+    assert "log.jsonl is of participant 'P07', not 'P08'" in " ".join(
+        other.stderr.replace("│", "").split()
+    )
+    for named in ([], ["--participant", "P07"]):
+        assert run(DIFFERENCE, tmp_path, "", "--results", *named).exit_code == 0
 
 
 def test_what_cannot_be_run_is_a_usage_error(tmp_path: Path) -> None:
