@@ -184,12 +184,15 @@ def result_lines(result: ConditionResult) -> list[str]:
             f"  catch trials: {result.catch_right[0]} of {result.catch_right[1]} right"
         )
     if (fit := result.fit) is not None:
-        for name, value in (("threshold", fit.threshold), ("by likelihood", fit.threshold_ml)):
+        for name, value, unit in (
+            ("threshold", fit.threshold, f" {result.unit}"),
+            ("by likelihood", fit.threshold_ml, f" {result.unit}"),
+            ("slope", fit.slope, ""),
+        ):
             lines.append(
-                f"  {name}: {value.value:.3g} {result.unit} "
-                f"(95 %: {value.low:.3g} to {value.high:.3g})"
+                f"  {name}: {value.value:.3g}{unit} (95 %: {value.low:.3g} to {value.high:.3g})"
             )
-        lines.append(f"  slope {fit.slope.value:.2g}, lapses {100.0 * fit.lapse:.1f} %")
+        lines.append(f"  lapses {100.0 * fit.lapse:.1f} %")
         if fit.open_ended:
             lines.append("  the trials do not bound the threshold: use other levels, or more")
     estimates = (("exponent", result.exponent, ""), ("setting", result.setting, result.unit))
