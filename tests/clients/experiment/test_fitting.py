@@ -166,3 +166,21 @@ def test_the_mean_setting_is_geometric() -> None:
     assert found.value == pytest.approx(math.sqrt(0.001))
     half = 12.706 * np.std([-2.0, -1.0], ddof=1) / math.sqrt(2.0)
     assert math.log10(found.high) == pytest.approx(-1.5 + half, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("guess", "given", "lapse"), [(0.08, None, 0.02), (0.5, 0.5, 0.135)], ids=["guess", "lapse"]
+)
+def test_thousands_of_trials_resolve_rates_between_the_steps_of_the_grid(
+    guess: float, given: float | None, lapse: float
+) -> None:
+    half, slope, count = 0.02, 2.67, 1_000
+    distinct = np.r_[0.0, np.geomspace(0.004, 0.16, 7)]
+    p = probability(distinct, threshold_of(half, slope), slope, guess, lapse)
+    right = np.concatenate([np.arange(count) < round(count * share) for share in p])
+    found = fit(np.repeat(distinct, count), right, given)  # as often as is expected
+    assert (found.guess, found.lapse) == pytest.approx((guess, lapse), abs=0.01)
+    for estimate in (found.threshold, found.threshold_ml):
+        low, high = np.log10([estimate.low, estimate.high])
+        assert abs(np.log10(estimate.value / half)) < 0.1 * (high - low)
+    assert found.slope.value == pytest.approx(slope, rel=0.05)

@@ -9,7 +9,7 @@ Moolgavkar 1988, Applied Statistics 37, 87-94).
 
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,9 @@ GRID: Final = 101
 BEYOND: Final = 1.0
 """Decades beyond the levels presented in which a threshold is looked for."""
 NEGLIGIBLE: Final = 1e-9
+UNLIKELY: Final = 1e-3
+RESOLVED: Final = 7
+"""Likely slopes or rates below which their steps are made finer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,43 +145,75 @@ def fit(
     guesses = GUESSES if guess is None else np.array([guess])
     presented = distinct[distinct > 0.0]
     ends = np.log10(presented[[0, -1]]) + BEYOND * np.array([-1.0, 1.0])
-    axis = np.linspace(float(ends[0]), float(ends[1]), GRID)
-    table = _log_likelihood(axis, distinct, hits, misses, guesses, family)
-    prior = _log_prior(guess is None)
+    grid = _Grid(np.linspace(float(ends[0]), float(ends[1]), GRID), SLOPES, guesses, LAPSES)
+    table = _log_likelihood(grid, distinct, hits, misses, family)
     for _ in range(2):  # once or twice narrower, so that the steps are small where it counts
-        likely = np.flatnonzero(
-            np.maximum(_marginal(table + prior, 0), _profile(table)) > NEGLIGIBLE
-        )
-        begin, end = max(likely[0] - 1, 0), min(likely[-1] + 1, GRID - 1)
-        axis = np.linspace(float(axis[begin]), float(axis[end]), GRID)
-        table = _log_likelihood(axis, distinct, hits, misses, guesses, family)
-    return _summary(axis, table, prior, guesses, level.size, confidence, ends)
+        grid = _narrowed(grid, table)
+        table = _log_likelihood(grid, distinct, hits, misses, family)
+    return _summary(grid, table, level.size, confidence, ends)
+
+
+class _Grid(NamedTuple):
+    """Values of each parameter; a table over them has their shape.
+
+    Attributes
+    ----------
+    axis : ndarray
+        Half levels, log10, in even steps.
+    slopes : ndarray
+        In even steps of their logarithm.
+    guesses, lapses : ndarray
+        Rates; one guess where the task gives it.
+    """
+
+    axis: FloatArray
+    slopes: FloatArray
+    guesses: FloatArray
+    lapses: FloatArray
+
+
+def _narrowed(grid: _Grid, table: FloatArray) -> _Grid:
+    """Return the grid where there is any probability, in finer steps.
+
+    Slopes and rates keep theirs as long as several of them are likely: of thousands of trials
+    none might be near the truth, and the threshold's interval would miss it.
+    """
+    posterior = table + _log_prior(grid)
+    made = []
+    for which, values in enumerate(grid):
+        mass = np.maximum(_marginal(posterior, which), _profile(table, which))
+        likely = np.flatnonzero(mass > (NEGLIGIBLE if which == 0 else UNLIKELY))
+        begin, end = max(likely[0] - 1, 0), min(likely[-1] + 1, values.size - 1)
+        if which == 0:
+            made.append(np.linspace(values[begin], values[end], GRID))
+        elif values.size > 1 and likely.size < RESOLVED:
+            spaced = np.geomspace if which == 1 else np.linspace
+            made.append(spaced(values[begin], values[end], values.size))
+        else:
+            made.append(values)
+    return _Grid(*made)
 
 
 def _log_likelihood(
-    axis: FloatArray,
-    levels: FloatArray,
-    hits: FloatArray,
-    misses: FloatArray,
-    guesses: FloatArray,
-    family: Family,
+    grid: _Grid, levels: FloatArray, hits: FloatArray, misses: FloatArray, family: Family
 ) -> FloatArray:
     """Return log likelihoods, shape (half levels, slopes, guesses, lapses)."""
-    half = 10.0 ** axis[:, np.newaxis]
-    threshold = threshold_of(half, SLOPES, family)
-    grid = (threshold[..., np.newaxis, np.newaxis], SLOPES[:, np.newaxis, np.newaxis])
-    total = np.zeros((axis.size, SLOPES.size, guesses.size, LAPSES.size))
+    half = 10.0 ** grid.axis[:, np.newaxis]
+    threshold = threshold_of(half, grid.slopes, family)[..., np.newaxis, np.newaxis]
+    slopes, guesses = grid.slopes[:, np.newaxis, np.newaxis], grid.guesses[:, np.newaxis]
+    total = np.zeros(tuple(values.size for values in grid))
     for level, hit, miss in zip(levels, hits, misses, strict=True):
-        p = probability(level, *grid, guesses[:, np.newaxis], LAPSES, family)
+        p = probability(level, threshold, slopes, guesses, grid.lapses, family)
         total += hit * np.log(np.maximum(p, 1e-12)) + miss * np.log(np.maximum(1 - p, 1e-12))
     return total
 
 
-def _log_prior(free_guess: bool) -> FloatArray:
+def _log_prior(grid: _Grid) -> FloatArray:
     """Return the log prior, shape (1, slopes, guesses, lapses), uniform in half level."""
-    slope = -0.5 * (np.log(SLOPES / 2.5) / np.log(2.0)) ** 2
-    guess = 4.0 * np.log1p(-GUESSES) if free_guess else np.zeros(1)
-    lapse = 19.0 * np.log1p(-LAPSES) + np.log(np.gradient(LAPSES))  # steps are uneven
+    slope = -0.5 * (np.log(grid.slopes / 2.5) / np.log(2.0)) ** 2
+    guess = 4.0 * np.log1p(-grid.guesses)  # a constant where there is one
+    steps = np.log(np.gradient(grid.lapses))  # steps are uneven
+    lapse = 19.0 * np.log1p(-grid.lapses) + steps
     total = slope[:, np.newaxis, np.newaxis] + guess[:, np.newaxis] + lapse
     return np.asarray(total[np.newaxis], np.float64)
 
@@ -191,9 +226,9 @@ def _marginal(log_posterior: FloatArray, axis: int) -> FloatArray:
     return np.asarray(marginal / np.sum(marginal), np.float64)
 
 
-def _profile(log_likelihood: FloatArray) -> FloatArray:
-    """Return the profile likelihood along the first axis, 1 at its maximum."""
-    profile = np.max(log_likelihood, axis=(1, 2, 3))
+def _profile(log_likelihood: FloatArray, axis: int = 0) -> FloatArray:
+    """Return the profile likelihood along one axis of the grid, 1 at its maximum."""
+    profile = np.max(log_likelihood, axis=tuple(each for each in range(4) if each != axis))
     return np.asarray(np.exp(profile - np.max(profile)), np.float64)
 
 
@@ -226,19 +261,17 @@ def _likelihood_interval(
 
 
 def _summary(
-    axis: FloatArray,
+    grid: _Grid,
     table: FloatArray,
-    prior: FloatArray,
-    guesses: FloatArray,
     trials: int,
     confidence: float,
     ends: FloatArray,
 ) -> PsychometricFit:
-    posterior = table + prior
+    axis, posterior = grid.axis, table + _log_prior(grid)
     mass = _marginal(posterior, 0)
     low, high = _central(axis, mass, confidence)
     best, ml_low, ml_high = _likelihood_interval(axis, _profile(table), confidence)
-    slope_mass, log_slope = _marginal(posterior, 1), np.log10(SLOPES)
+    slope_mass, log_slope = _marginal(posterior, 1), np.log10(grid.slopes)
     slope_low, slope_high = _central(log_slope, slope_mass, confidence)
     near = 0.02 * (ends[1] - ends[0])
     found = (low, high, ml_low, ml_high)
@@ -246,8 +279,8 @@ def _summary(
         Estimate(*(10.0**each for each in (float(mass @ axis), low, high))),
         Estimate(*(10.0**each for each in (best, ml_low, ml_high))),
         Estimate(*(10.0**e for e in (float(slope_mass @ log_slope), slope_low, slope_high))),
-        float(_marginal(posterior, 2) @ guesses),
-        float(_marginal(posterior, 3) @ LAPSES),
+        float(_marginal(posterior, 2) @ grid.guesses),
+        float(_marginal(posterior, 3) @ grid.lapses),
         trials,
         bool(min(found) <= ends[0] + near or max(found) >= ends[1] - near),
     )
