@@ -54,12 +54,13 @@ table says what these people have of it.
 Lines are of the code of their day. `skin` (mobility; a mode of 150 to 700 Hz), `early`, `noise`
 (driven by noise in place of tones) and the two studies of which an analysis had ended in an
 error are of later code than the rest, of which 16 that were drawn by chance gave the same
-verdict and names when they were made again. Those of `unknown` that have a count in its row of
-forms were made again from their seeds later still: a form that characterises what no catalogue
-has leaves nothing to flag or to locate. So were the first three of each of `other_form`, by
-code to which a part of them had shown a fault (drifts that level off were confirmed): 30 of 33
-have their family named (28 before), and a false cause is confirmed in two (four). The others of
-that kind are of fresh seeds and of that code.
+verdict and names when they were made again, and of 18 more by later code still 17; the other
+had a false cause confirmed, of which the family alone is named now. Those of `unknown` that
+have a count in its row of forms were made again from their seeds later still: a form that
+characterises what no catalogue has leaves nothing to flag or to locate. So were the first
+three of each of `other_form`, by code to which a part of them had shown a fault (drifts that
+level off were confirmed): 30 of 33 have their family named (28 before), and a false cause is
+confirmed in two (four). The others of that kind are of fresh seeds and of that code.
 """
 
 
