@@ -52,7 +52,7 @@ class Experiment:
     record : bool
         Whether the rig's recorder records meanwhile.
     participant : str
-        Pseudonym: 1 to 64 letters and digits.
+        Pseudonym: 1 to 64 ASCII letters and digits.
     order_row : int
         Row of the Latin square of blocks, from 0: number the participants.
     seed : int or None
@@ -94,7 +94,7 @@ class Experiment:
         except ValidationError as error:
             raise ArgumentError(f"experiment: {explain(error)}") from error
         if not (participant.isascii() and participant.isalnum() and len(participant) <= 64):
-            raise ArgumentError(f"participant {participant!r}: 1 to 64 letters and digits")
+            raise ArgumentError(f"participant {participant!r}: 1 to 64 of A-Z, a-z and 0-9")
         if order_row < 0 or (seed is not None and not 0 <= seed < 2**63):
             raise ArgumentError("seed and order_row are 0 or above")
         self._rig, self._path = rig, Path(log)
