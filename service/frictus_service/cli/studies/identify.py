@@ -108,8 +108,8 @@ def _identify_table(path: Path, table: "ResponseTable", as_json: bool) -> None:
     if found.delay_s.ci95 is not None and found.delay_s.ci95[1] < 0.0:
         notes.append(
             "the delay is below 0, and no response comes before its drive: drive and friction "
-            "were not sampled at one time, or the response is not of first order, and gain and "
-            "cutoff mean nothing"
+            "were not sampled at one time, or the response is not of first order; then gain "
+            "and cutoff mean nothing"
         )
     if wants_lines(as_json):
         fitted = {
