@@ -147,15 +147,16 @@ export class Rig {
 
   /** Move the virtual finger of a simulated rig, which is to be watched. */
   point(xMm: number, yMm: number, options: { inContact?: boolean; normalForceN?: number } = {}): void {
+    const { inContact = true, normalForceN = 0.4 } = options;
     within("xMm", xMm, -10_000, 10_000);
     within("yMm", yMm, -10_000, 10_000);
-    within("normalForceN", options.normalForceN ?? 0.4, 0, 5);
+    within("normalForceN", normalForceN, 0, 5);
     this.client.connection.send({
       op: "point",
       x_mm: xMm,
       y_mm: yMm,
-      in_contact: options.inContact ?? true,
-      normal_force_n: options.normalForceN ?? 0.4,
+      in_contact: inContact,
+      normal_force_n: normalForceN,
     });
   }
 }

@@ -134,10 +134,9 @@ def _heading(
             texts.append(fields)
     if not texts:
         return tuple(f"column {n}" for n in range(1, count + 1)), ("",) * count
-    names, units = _paired(texts) or (
-        list(texts[-1]),
-        unit_labels + [""] * (count - len(unit_labels)),
-    )
+    if paired := _paired(texts):
+        return paired
+    names, units = list(texts[-1]), unit_labels + [""] * (count - len(unit_labels))
     if len(texts) > 1 and all(_is_unit(text) for text in texts[-1]):
         names, units = texts[-2], [text.strip("[]() ") for text in texts[-1]]
     elif len(texts) > 1:
@@ -147,7 +146,7 @@ def _heading(
     return _unique(names), tuple(units)
 
 
-def _paired(texts: list[list[str]]) -> tuple[list[str], list[str]] | None:
+def _paired(texts: list[list[str]]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """Return names and units where each channel has a time beside it; None where none has.
 
     Programs of NI write `Channel name,Fx,Channel name,Fz` over `Unit,N,Unit,N`. Times are one
@@ -165,10 +164,10 @@ def _paired(texts: list[list[str]]) -> tuple[list[str], list[str]] | None:
     times = [f"{channel} time" for channel in channels]
     if len(set(intervals)) == 1:
         times[0] = "time"
-    names = [name for pair in zip(times, channels, strict=False) for name in pair]
+    names = [name for pair in zip(times, channels, strict=True) for name in pair]
     units = [each for unit in told.get("unit", [""] * len(channels)) for each in ("", unit)]
     rest = [""] * (count - len(names))  # of rows that end in a delimiter
-    return (names + rest, units + rest) if channels else None
+    return (_unique(names + rest), tuple(units + rest)) if channels else None
 
 
 def _is_unit(text: str) -> bool:
