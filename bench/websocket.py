@@ -35,7 +35,7 @@ def prepared(client: str) -> tuple[tuple[str, ...], Path]:
     if client == "python":
         return (sys.executable, "websocket_client.py"), HERE
     if client == "node":
-        return ("node", "--experimental-websocket", "build/test/measure.js"), package()
+        return ("node", "--experimental-websocket", "build/bench/measure.js"), package()
     if client == "octave":
         return ("octave-cli", "--no-gui", "--quiet", "--norc", "websocket_client.m"), HERE
     folder = Path(tempfile.mkdtemp(prefix="frictus-"))

@@ -130,6 +130,8 @@ class Client(Closing):
         ------
         NoRigError
             If it is not present; the text lists those that are.
+        InvalidNameError
+            If a rig or a site cannot have that name.
         LinkError
             If the router is gone.
         """

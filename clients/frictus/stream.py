@@ -9,6 +9,7 @@ import struct
 import threading
 import time
 from dataclasses import dataclass
+from numbers import Integral, Real
 from types import TracebackType
 from typing import Final, Self
 
@@ -198,7 +199,7 @@ def update_frame(
     Raises
     ------
     ArgumentError
-        If a value is out of range, not finite, or above the declared peak.
+        If a value is out of range, not finite, above the declared peak, or no number.
     """
     if (period_mm is None) == (period_s is None):
         raise ArgumentError("give either period_mm or period_s, not both and not neither")
@@ -214,6 +215,11 @@ def update_frame(
     spatial = period_mm is not None
     period = period_mm if period_mm is not None else period_s
     assert period is not None
+    for name, value in (("period", period), ("angle_deg", angle_deg)):
+        if not isinstance(value, Real):
+            raise ArgumentError(f"{name} {value!r}: a number is accepted")
+    if not isinstance(ttl_ms, Integral):
+        raise ArgumentError(f"ttl_ms {ttl_ms!r}: a whole number is accepted")
     try:
         return StreamFrame(
             ticket, sequence, utc_ns, ttl_ms, period, spatial, angle_deg, friction

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from frictus.errors import LeaseLostError, LinkError, NoRigError, RefusedError
+from frictus.errors import ArgumentError, LeaseLostError, LinkError, NoRigError, RefusedError
 from frictus.keys import RigKeys, Topics
 from frictus.messages import Reply
 from frictus.stream import StreamFrame, TextureStream
@@ -97,3 +97,17 @@ def test_a_stream_that_is_known_to_have_ended_closes_without_an_error(
             else:
                 with pytest.raises(type(refusal)):
                     stream.close()
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"ttl_ms": 200.0}, r"ttl_ms 200\.0: a whole number"),
+        ({"period_mm": "2"}, "period '2': a number"),
+        ({"angle_deg": None}, "angle_deg None: a number"),
+    ],
+)
+def test_what_is_no_number_is_named(changes: dict[str, Any], told: str) -> None:
+    with opened() as (stream, _), pytest.raises(ArgumentError, match=told):
+        stream.send(np.zeros(2), **({"period_mm": 2.0} | changes))
+    assert stream.sent == 0

@@ -55,6 +55,11 @@ def test_it_has_no_dependency_and_the_version_of_python_s() -> None:
     assert all(version[0].isdigit() for version in manifest["devDependencies"].values())
 
 
+def test_its_tests_run_without_a_service() -> None:
+    told = run("npm", "test", folder=package())
+    assert "FRICTUS_URL names no service" in told
+
+
 @pytest.mark.long
 def test_it_works_in_node(port: int) -> None:
     told = run(
@@ -95,7 +100,7 @@ def test_its_figures_can_be_measured(port: int) -> None:
     told = run(
         "node",
         "--experimental-websocket",
-        "build/test/measure.js",
+        "build/bench/measure.js",
         folder=package(),
         FRICTUS_URL=f"ws://127.0.0.1:{port}",
         FRICTUS_TOKEN=SECRETS["read"],

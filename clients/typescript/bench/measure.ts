@@ -1,6 +1,6 @@
 /** Losses, ages and processor time of a client of two raw streams and the finger: a line of JSON. */
 
-import { connected } from "./service.js";
+import { connected } from "../test/service.js";
 
 const SECONDS = Number(process.env["FRICTUS_SECONDS"] ?? 30);
 
