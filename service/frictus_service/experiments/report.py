@@ -200,6 +200,8 @@ def result_lines(result: ConditionResult) -> list[str]:
         if found is not None:
             told = f"  {name}: {found.value:.3g} {unit}".rstrip()
             lines.append(f"{told} (95 %: {found.low:.3g} to {found.high:.3g})")
+    if result.undetermined:
+        lines.append(f"  {result.undetermined}")
     ratings = result.ratings or {}
     lines += [f"  {pair.replace('|', ' and ')}: {mean:.3g}" for pair, mean in ratings.items()]
     return lines

@@ -24,3 +24,8 @@ def test_threshold_and_slope_are_told_with_their_intervals() -> None:
         "  slope: 2.5 (95 %: 0.7 to 8.75)",
         "  lapses 3.1 %",
     ]
+
+
+def test_why_nothing_was_estimated_is_told() -> None:
+    result = ConditionResult("c", 8, 0, 0, None, "dB", undetermined="no exponent: why")
+    assert result_lines(result)[1:] == ["  no exponent: why"]

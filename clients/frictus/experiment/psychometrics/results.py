@@ -44,6 +44,8 @@ class ConditionResult:
         Geometric mean of the levels set.
     ratings : dict of str to float or None
         Mean number or share of "different" of each pair, by ``first|second``.
+    undetermined : str
+        Why magnitudes have no exponent, or settings no mean; else empty.
     """
 
     condition: str
@@ -58,6 +60,7 @@ class ConditionResult:
     exponent: Estimate | None = None
     setting: Estimate | None = None
     ratings: dict[str, float] | None = None
+    undetermined: str = ""
 
     def fields(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
@@ -118,11 +121,24 @@ def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> Condit
         levels = [row["level_rendered"] for row in rated]
         if isinstance(stimulus, Difference) and task.intervals == 1:  # a law of amplitudes
             levels = [10.0 ** (level / 20.0) for level in levels]
-        if len(set(levels)) > 1 and len(levels) > 2 and min(numbers) > 0.0:
+        zeros = sum(number <= 0.0 for number in numbers)
+        if zeros:
+            values["undetermined"] = (
+                f"no exponent: {zeros} of {len(numbers)} numbers are 0, of which a power law "
+                "has none; ask for numbers above 0, or fit another law to the log"
+            )
+        elif len(numbers) < 3 or len(set(levels)) < 2:
+            values["undetermined"] = (
+                "no exponent: it takes 3 numbers, of two levels above 0 or more"
+            )
+        else:
             values["exponent"] = power_law_exponent(levels, numbers)
     elif task.kind == "adjustment":
         levels = [row["level_rendered"] for row in answered if row["level_rendered"] > 0.0]
-        values["setting"] = geometric_mean(levels) if len(levels) > 1 else None
+        if len(levels) > 1:
+            values["setting"] = geometric_mean(levels)
+        else:
+            values["undetermined"] = "no mean: it takes two settings above 0"
     else:
         usable = [row for row in answered if "level lost" not in row["flags"]]
         levels = [row["level_rendered"] for row in usable]
