@@ -13,6 +13,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from pathlib import PurePath
 from typing import IO, Any, Final
 
 from pydantic import BaseModel
@@ -83,8 +84,12 @@ def _carry_out(work: Work, parent: ParentLink) -> Word:
         return Word(kind="stopped")
     except BrokenPipeError:
         raise
-    except (ServiceError, FrictusError, OSError) as error:  # a disk, a file: no bug
+    except (ServiceError, FrictusError) as error:
         return Word(kind="failed", data=str(error))
+    except OSError as error:  # a disk, a file: no bug
+        name = PurePath(str(error.filename or "")).name or "a file of its own"
+        why = f"{name} could not be read or written ({error.strerror or error})"
+        return Word(kind="failed", data=f"{why}: have its machine mended, and start it again")
     except Exception as error:
         traceback.print_exc()
         return Word(kind="failed", data=f"unexpected {type(error).__name__}: {error}")
