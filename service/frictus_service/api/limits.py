@@ -1,11 +1,8 @@
 """What is refused or ended before any path is looked at: too much, too slow, from elsewhere.
 
-HTTP connections that end when their client neither asks nor takes what it asked for.
-
 A connection costs memory and a descriptor. uvicorn ends those that are idle between two
-requests; not those that never send a whole head, nor those that do not take their answer.
-
-What is refused before any path is looked at: a web page that uses its visitor's browser.
+requests; not those that never send a whole head, nor those that do not take their answer: here
+they end.
 
 A page of another origin can send simple requests to 127.0.0.1, and with a DNS name that it
 rebinds to 127.0.0.1 it can even read the answers. So a server bound to loopback answers only

@@ -5,7 +5,9 @@ and the process that it runs in, down.
 """
 
 import asyncio
+import contextlib
 import secrets
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Final
 
@@ -28,6 +30,8 @@ PIECE_BYTES: Final = 1_000_000
 """Held in memory, and written at once."""
 LOOK_S: Final = 60.0
 UNFINISHED: Final = ".upload-"
+LINGER_S: Final = 5.0
+"""Whoever still sends as the connection ends sees it reset, and not the answer."""
 
 
 async def keep_study(request: Request, folder: Path, name: str, commands: OwnProcesses) -> Path:
@@ -86,8 +90,9 @@ async def _receive(request: Request, into: Path) -> None:
     announced = request.headers.get("content-length", "")
     if announced.isdecimal() and int(announced[:20]) > MAX_STUDY_BYTES:
         raise _too_large()
+    pieces = request.stream()
     try:
-        await _write(request, into)
+        await _write(pieces, into)
     except TimeoutError:
         told = (
             f"a study is to come without a pause of {BODY_S:g} s, and on the whole with "
@@ -96,14 +101,20 @@ async def _receive(request: Request, into: Path) -> None:
         raise SlowBodyError(told, headers={"Connection": "close"}) from None
     except ClientDisconnect:
         raise GoneError("the connection ended before the body did") from None
+    except OSError:  # a full disk: most of the body may be on its way
+        with contextlib.suppress(TimeoutError, ClientDisconnect):
+            async with asyncio.timeout(LINGER_S):
+                async for _ in pieces:
+                    pass
+        raise
 
 
-async def _write(request: Request, into: Path) -> None:
+async def _write(pieces: AsyncIterator[bytes], into: Path) -> None:
     clock_s = asyncio.get_running_loop().time
     size_bytes, piece, begun_s = 0, bytearray(), clock_s()
     with into.open("xb") as file:
         async with asyncio.timeout(BODY_S) as deadline:
-            async for chunk in request.stream():
+            async for chunk in pieces:
                 size_bytes += len(chunk)
                 if size_bytes > MAX_STUDY_BYTES:
                     raise _too_large()

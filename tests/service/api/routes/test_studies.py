@@ -1,14 +1,18 @@
 """Studies over REST: what is sent becomes a study of the folder, or is refused in words."""
 
+import asyncio
 import errno
 import os
+from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from fastapi import Request
 from fastapi.testclient import TestClient
+from starlette.types import Message
 from tests.blind.generator.case import Case, Design
 from tests.blind.generator.study import Seeds, make_study
 from tests.service.api.conftest import TOKENS, Serve
@@ -96,6 +100,26 @@ def test_a_disk_that_refuses_at_the_end_leaves_the_name_free(
     assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
     assert folder_of(tmp_path) == []
     assert api.put("/v1/studies/visit.h5", content=study, headers=TYPE).status_code == 201
+
+
+def test_of_a_full_disk_the_rest_of_the_body_is_read_before_it_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or the connection of whoever still sends is reset, and the answer lost with it."""
+    left = [b"x" * 1_000] * 8
+
+    async def receive() -> Message:
+        return {"type": "http.request", "body": left.pop(), "more_body": bool(left)}
+
+    async def full(pieces: AsyncIterator[bytes], _into: Path) -> None:
+        async for _ in pieces:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(uploads, "_write", full)
+    request = Request({"type": "http", "headers": []}, receive)
+    with pytest.raises(OSError, match="No space left"):
+        asyncio.run(uploads._receive(request, tmp_path / "study.h5"))
+    assert not left
 
 
 def test_of_two_that_come_at_once_one_gets_the_name(
