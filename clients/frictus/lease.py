@@ -23,6 +23,8 @@ log = logging.getLogger("frictus")
 
 RENEWALS_PER_LEASE: Final = 4
 CONFIRM_S: Final = 3.0  # a rig tells its status at least every second
+SILENT_S: Final = 5.0
+"""Longer than that beyond the lease no status: the link stands still without having ended."""
 JUMP_S: Final = 0.5
 """Of a clock: a rig refuses what is stamped so far ahead of its own, unless configured."""
 
@@ -108,7 +110,8 @@ class Lease:
             )
             self._declared = undo.pop_all()
         self._lease_ms = int(lease_ms)  # which may have come as a text or a float
-        self._armed_at_s = time.monotonic()
+        self._armed_at_s = self._heard_at_s = time.monotonic()
+        self._heard: RigStatus | None = None
         self._ahead_s = _clock_ahead_s()
         self._armed_utc_ns = reply.utc_ns
         expect_state(status, reply, CONFIRM_S)
@@ -205,6 +208,14 @@ class Lease:
             status = self._status.newest()
         except LinkError:
             status = None
+        if status is not self._heard:
+            self._heard, self._heard_at_s = status, time.monotonic()
+        silent_s = time.monotonic() - self._heard_at_s
+        if silent_s > self._lease_ms / 1_000 + SILENT_S:
+            return confirmed, LeaseLostError(
+                f"nothing has come from the rig for {silent_s:.0f} s: the link to it stands "
+                "still, and a rig that hears no renewals ramps its output to zero by itself"
+            )
         if status and status.owner == self._caller.client and status.state == "armed":
             return True, None
         overdue = time.monotonic() - self._armed_at_s > CONFIRM_S

@@ -205,6 +205,16 @@ def test_ctrl_c_while_a_client_closes_does_not_keep_it_connected(
     assert session.is_closed()
 
 
+def test_a_lease_on_a_rig_of_which_nothing_is_heard_is_lost(
+    client: Client, fake: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("frictus.lease.SILENT_S", 0.2)
+    fake.say(Topics.STATUS, fake.status(state="armed", owner="tester"))
+    with client.rig("sim").arm(lease_ms=100) as lease:  # its presence goes on to be seen
+        assert lease.wait_lost(WAIT_S)
+        assert "nothing has come from the rig" in lease.reason
+
+
 def test_a_lease_whose_holder_cannot_be_asked_for_is_lost(client: Client, fake: Any) -> None:
     def there() -> bool:
         raise ZeroDivisionError
