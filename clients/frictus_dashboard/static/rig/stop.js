@@ -8,7 +8,7 @@ const PAUSE_MS = 200;
 /** How long an answer is shown: from then on the strip says what there is to know. */
 const SHOWN_MS = 10_000;
 /** Answers that another try would not change. */
-const FINAL = (error) => error instanceof Refusal && error.status < 500;
+const FINAL = (error) => error instanceof Refusal && error.status < 500 && error.status !== 429;
 
 /**
  * Stop one rig.
@@ -28,7 +28,7 @@ async function stopRig(rig, tell, wanted) {
     } catch (error) {
       if (!wanted()) return false;
       if (FINAL(error)) {
-        tell(`${rig}: ${error.message}`);
+        tell(`${rig} was not stopped: ${error.message}. Switch the amplifier off.`);
         return false;
       }
       tell(`${rig}: stop sent ${tries} times, no answer yet. Switch the amplifier off.`);
@@ -62,7 +62,9 @@ export function installStop(rigs) {
       if (!answered.length || answered.includes(false)) return; // that stays
       setTimeout(() => wanted() && say(outcome, ""), SHOWN_MS);
     });
-    if (told.size === 0) told.set("", "Nothing to stop: this page has seen no rig");
+    if (told.size === 0) {
+      told.set("", "Nothing was stopped: this page knows of no rig. Is one driven? Switch its amplifier off.");
+    }
     show();
   }
 
