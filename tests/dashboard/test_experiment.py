@@ -69,6 +69,17 @@ def experimenter(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
         yield page
 
 
+def test_of_an_experiment_that_is_none_nothing_is_offered(
+    lab: Lab, open_page: OpenPage
+) -> None:
+    with open_page(expected="404") as page:
+        page.goto(f"{lab.url}/dashboard/#/experiment/rig1/20991231-000000-deadbeef")
+        view = page.locator("#view-experiment")
+        expect(view).to_contain_text("no experiment '20991231-000000-deadbeef'")
+        for name in ("Pause", "Stop the experiment", "Arm the rig and go on"):
+            expect(view.get_by_role("button", name=name, exact=True)).to_be_hidden()
+
+
 @pytest.fixture
 def tablet(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
     with open_page() as page:

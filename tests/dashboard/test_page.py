@@ -388,6 +388,24 @@ def test_network_that_swallows_everything_is_noticed(lab: Lab, open_page: OpenPa
         expect(box).to_have_attribute("title", re.compile("^interrupted at "))
 
 
+def test_a_page_whose_connection_broke_is_no_other_page(lab: Lab, open_page: OpenPage) -> None:
+    sockets: list[WebSocketRoute] = []
+
+    def between(page_side: WebSocketRoute) -> None:
+        page_side.connect_to_server()
+        sockets.append(page_side)
+
+    with open_page() as page:
+        page.route_web_socket("**/v1/live", between)
+        arrive(page, lab.url)
+        page.get_by_role("button", name="Arm", exact=True).click()
+        expect(page.locator("#state")).to_have_text("ARMED")
+        sockets[0].close()
+        expect(page.locator("#since")).to_contain_text(
+            "disarmed by you, over an earlier connection at "
+        )
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")
 def test_loss_and_return_are_shown_without_a_reload(lab: Lab, open_page: OpenPage) -> None:
     with open_page(expected="WebSocket") as page:

@@ -6,6 +6,7 @@ import { installAppearance } from "./appearance.js";
 import { at, element, say } from "./elements/element.js";
 import { clock } from "./elements/figures.js";
 import { FirstSteps, firstStepOf } from "./first_steps.js";
+import { knowAsOwn } from "./rig/holder.js";
 import { Link } from "./connection/link.js";
 import { Live } from "./live/view.js";
 import { installSession } from "./connection/session.js";
@@ -152,6 +153,7 @@ function standingOfRig() {
 link.addEventListener("state", ({ detail }) => {
   actAs(detail.state === "open" ? link.welcome.key : null);
   if (detail.state === "open") {
+    knowAsOwn(link.welcome.client);
     say(at("site"), link.welcome.site);
   } else {
     live.lose();

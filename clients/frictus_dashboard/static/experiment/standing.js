@@ -32,9 +32,10 @@ export class Standing {
     this.link = element("a", { target: "_blank", rel: "noopener" }, "The participant's page (new tab)");
     this.outcome = new Outcome();
     const buttons = [this.pause, this.goOn, this.stop, this.resume, this.link];
-    this.root = element(
+    /** Nothing is told of, or offered for, an experiment that was not heard of. */
+    this.heard = element(
       "div",
-      {},
+      { hidden: "" },
       this.title,
       this.state,
       this.failure,
@@ -42,14 +43,15 @@ export class Standing {
       this.count,
       this.trial,
       element("p", { class: "buttons" }, ...buttons),
-      this.outcome.root,
     );
+    this.root = element("div", {}, this.heard, this.outcome.root);
   }
 
   /** Show an experiment, and follow it; null: none. */
   open(id) {
     this.close();
     if (id !== this.job?.id) this.job = null;
+    this.heard.hidden = this.job === null;
     this.root.hidden = id === null;
     this.outcome.clear();
     if (id === null) return;
@@ -82,6 +84,7 @@ export class Standing {
   #stands(job) {
     const before = this.job;
     this.job = job;
+    this.heard.hidden = false;
     this.outcome.clear();
     say(this.title, `${job.protocol}, ${job.participant}, ${moment(job.created_utc_ns)}`);
     say(this.failure, job.failure ?? "");

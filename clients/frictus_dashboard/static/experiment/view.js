@@ -5,7 +5,7 @@ import { request } from "../connection/api.js";
 import { element, say } from "../elements/element.js";
 import { moment } from "../elements/figures.js";
 import { Outcome } from "../elements/outcome.js";
-import { fill, table, words } from "../elements/table.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 import { active } from "./following.js";
 import { Results } from "./results.js";
 import { Setup } from "./setup.js";
@@ -29,7 +29,7 @@ export class View {
     this.note = element("p", { class: "quiet" });
     this.earlier = table("The newest first", HEAD);
     this.outcome = new Outcome();
-    const kept = element("div", {}, element("h2", {}, "Experiments"), this.earlier, this.outcome.root);
+    const kept = element("div", {}, element("h2", {}, "Experiments"), scrolling(this.earlier), this.outcome.root);
     this.below = element("div", { class: "columns" }, this.new, kept);
     into.append(this.standing.root, this.results.root, this.note, this.below);
     page.link.addEventListener("state", () => this.standing.look());

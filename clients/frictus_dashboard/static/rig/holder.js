@@ -10,6 +10,14 @@ const PROGRAM = /^(.+)-\d+-[0-9a-f]{6}$/;
 const ANYBODY = "local";
 const ARTICLES = { calibration: "a calibration", experiment: "an experiment" };
 
+/** Names that this page has had: each of its connections has one of its own. */
+const OWN = new Set();
+
+/** Know a client as this page, also once its connection is lost and another has a new name. */
+export function knowAsOwn(client) {
+  OWN.add(client);
+}
+
 /** Whether a client is a calibration or an experiment. */
 export function isJob(owner) {
   return JOB.test(owner);
@@ -35,6 +43,7 @@ export function takesRig(before, after) {
 export function nameOf(owner, client) {
   if (owner === null) return "nobody";
   if (owner === client) return "you";
+  if (OWN.has(owner)) return "you, over an earlier connection";
   if (owner === ANYBODY) return "everybody here";
   const [, begunBy, job] = JOB.exec(owner) ?? [];
   if (job !== undefined) return begunBy === ANYBODY ? ARTICLES[job] : `${begunBy}'s ${job}`;
