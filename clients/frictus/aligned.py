@@ -106,8 +106,9 @@ def align(**streams: Iterable[Block | Gap]) -> Iterator[AlignedSamples]:
     Parameters
     ----------
     **streams : iterable of Block or Gap
-        One or more, under the names that their data shall have. Samples are matched by the
-        device's count, whenever a stream sends them.
+        One or more of one rig, under the names that their data shall have. Samples are matched
+        by the device's count, whenever a stream sends them; of two rigs none ever match:
+        `Block.utc_ns`, good to `uncertainty_ns`, is what they have in common.
 
     Raises
     ------

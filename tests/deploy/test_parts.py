@@ -14,6 +14,7 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.config import Config, RouterConfig
+from frictus_service.daemon.processes.serve import serve
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
@@ -26,6 +27,13 @@ def test_router_runs_without_any_part() -> None:
         with frictus.connect(config.router.endpoint) as client:
             assert client.rigs() == []
     assert said == [f"router listens at {config.router.endpoint}", "stopped"]
+
+
+def test_where_no_rig_runs_no_output_is_said_to_ramp() -> None:
+    config = Config(router=RouterConfig(endpoint=free_endpoint(), host=False))
+    said: list[str] = []
+    serve(config, (), host_router=True, say=said.append, is_over=lambda: True)
+    assert said[-2:] == ["stopping", "stopped"]
 
 
 @pytest.fixture
