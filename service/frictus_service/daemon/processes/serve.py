@@ -57,7 +57,7 @@ def serve(
             while not (told or is_over()):
                 time.sleep(0.1)  # Windows sees Ctrl-C only between waits
             manager.stopping()
-            say_and_show("stopping" + ": the output ramps to zero" * ("rig" in parts))
+            say_and_show("stopping: the output ramps to zero" if "rig" in parts else "stopping")
     finally:
         for number, handler in former.items():
             signal.signal(number, handler)
