@@ -185,6 +185,7 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
     from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
     from frictus_service.identification.plausibility.finding import stop_if_implausible
     from frictus_service.identification.plausibility.judge import judge_study
+    from frictus_service.identification.plausibility.position_delay import delay_text
     from frictus_service.study.file_state import unchanged
     from frictus_service.study.reader import StudyReader
     from frictus_service.tracking.recorded import follow_study
@@ -196,7 +197,7 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
         stop_if_implausible(judge_study(records, "friction"), str(file))
         late_s = max((each.statistics.positions_earlier_s for each in records), default=0.0)
         if late_s:
-            sys.stderr.write(f"positions come {1e3 * late_s:.1f} ms late: read without it\n")
+            sys.stderr.write(f"positions come {delay_text(late_s)}: read without it\n")
         states = follow_study(reader, Prior.weak(), lambda told: _show(told, as_json), late_s)
         for left_out in reader.excluded:
             sys.stderr.write(f"trial {left_out.trial} is left out: {left_out.reason}\n")

@@ -16,7 +16,10 @@ from frictus_service.identification.pipeline.cache import Cache
 from frictus_service.identification.pipeline.workers import Crash, Reader, Reading, work_through
 from frictus_service.identification.plausibility import trial_statistics, turns
 from frictus_service.identification.plausibility.pool import TrialRecord
-from frictus_service.identification.plausibility.position_delay import sensor_delay_s
+from frictus_service.identification.plausibility.position_delay import (
+    delay_text,
+    sensor_delay_s,
+)
 from frictus_service.identification.plausibility.trial_statistics import (
     TrialStatistics,
     statistics_of,
@@ -143,7 +146,7 @@ def read_study(
         readings = work.through(study)
         stated = study.info.positions_late_s is not None
         if not stated and (late_s := sensor_delay_s(records_of(readings))):
-            work.tell(f"positions come {1e3 * late_s:.1f} ms late: trials are read without it")
+            work.tell(f"positions come {delay_text(late_s)}: trials are read without it")
             readings = [_earlier(each, late_s) for each in work.through(study, late_s)]
     return _without_copies(readings)
 

@@ -43,6 +43,8 @@ class Check:
         With ``{value}``.
     remedy : callable or str
         From the value.
+    below_0 : str or None
+        The sentence of a value below 0, with ``{value}`` without its sign; None: the same.
     """
 
     code: str
@@ -51,10 +53,17 @@ class Check:
     accepted: tuple[float, float]
     sentence: str
     remedy: Callable[[float], str] | str
+    below_0: str | None = None
 
     def passes(self, value: float) -> bool:
         """Return whether a value is accepted; one that is not known is."""
         return bool(np.isnan(value) or self.accepted[0] <= value <= self.accepted[1])
+
+    def told(self, value: float) -> str:
+        """Return the sentence about a value."""
+        if value < 0.0 and self.below_0 is not None:
+            return self.below_0.format(value=-value)
+        return self.sentence.format(value=value)
 
     def advice(self, value: float) -> str:
         """Return what to do."""
@@ -311,6 +320,7 @@ CHECKS: Final = (
         (-100.0, 100.0),
         "the skin's sensor is {value:.0f} us late beside the force",
         "write it as the attribute skew_s of the skin's data set if it is the instrument's",
+        "the skin's sensor is {value:.0f} us early beside the force",
     ),
     Check(
         "position_delay_removed",
@@ -321,6 +331,8 @@ CHECKS: Final = (
         "earlier",
         "write what the touch sensor's delay is, in s, as the root attribute positions_late_s "
         "of the study, or 0 if it has none",
+        "the positions come {value:.0f} ms early, at all speeds alike, and are used as much "
+        "later",
     ),
     Check(
         "position_delay",
@@ -331,6 +343,7 @@ CHECKS: Final = (
         "write it, in s, as the root attribute positions_late_s of the study, or in the column "
         "map, if it is the touch sensor's: else causes of place, direction and speed may be "
         "named that are not there",
+        "the positions turn {value:.0f} ms earlier than friction or the skin's sensor",
     ),
     Check(
         "clipped",

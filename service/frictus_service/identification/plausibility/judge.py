@@ -194,7 +194,7 @@ def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
         return None
     known = sum(not np.isnan(value) for value in values.values())
     value = float(np.median(list(off.values())))
-    sentence = check.sentence.format(value=value)
+    sentence = check.told(value)
     few = 2 * len(off) < known
     if len(off) < known:
         named = ", ".join(list(off)[:MOST]) + (" and others" if len(off) > MOST else "")

@@ -82,3 +82,14 @@ def _is_of_sensor(late_s: FloatArray, people: NDArray[np.str_], speed_mm_s: Floa
     slower_mm_s, faster_mm_s = (np.median(speed_mm_s[half]) for half in halves)
     alike = abs(faster_s - slower_s) <= SAME_S
     return bool(alike and faster_mm_s >= LEAST_SPEED_RATIO * slower_mm_s)
+
+
+def delay_text(late_s: float) -> str:
+    """Return a delay in words, such as ``35.2 ms late``.
+
+    Parameters
+    ----------
+    late_s : float
+        In s; negative is early.
+    """
+    return f"{1e3 * abs(late_s):.1f} ms {'late' if late_s >= 0.0 else 'early'}"

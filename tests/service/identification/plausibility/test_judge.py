@@ -18,6 +18,7 @@ from tests.service.identification.plausibility.slips import (
 from tests.service.identification.trials import STUDY, Made, numbered, trial
 
 from frictus_service.errors import ImplausibleStudyError
+from frictus_service.identification.plausibility.checks import CHECKS
 from frictus_service.identification.plausibility.finding import (
     leave_out,
     stop_if_implausible,
@@ -197,3 +198,11 @@ def test_noise_is_told_by_band(session: list[Trial], rng: np.random.Generator) -
     assert not any("friction_coherence" in each.code for each in found)
     (named,) = [each for each in found if each.code == "mobility_coherence_200"]
     assert named.sentence.startswith("from 200 to 600 Hz, skin and friction are mostly noise")
+
+
+@pytest.mark.parametrize("code", ["skin_delay", "position_delay", "position_delay_removed"])
+def test_a_delay_below_0_is_told_as_early(code: str) -> None:
+    (check,) = (each for each in CHECKS if each.code == code)
+    assert " 150 " in check.told(-150.0)
+    assert "earl" in check.told(-150.0)
+    assert "earl" not in check.told(150.0).split(",")[0]

@@ -17,7 +17,10 @@ from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.identification.plausibility.pool import TrialRecord
-from frictus_service.identification.plausibility.position_delay import sensor_delay_s
+from frictus_service.identification.plausibility.position_delay import (
+    delay_text,
+    sensor_delay_s,
+)
 from frictus_service.identification.plausibility.turns import friction_delay_s
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
@@ -60,6 +63,22 @@ def test_late_positions_are_told_with_their_delay(records: list[TrialRecord]) ->
     (found,) = judge_study(records)
     assert (found.code, found.severity) == ("position_delay", "warning")
     assert found.value == pytest.approx(1e3 * LATE_S, abs=4.0)
+
+
+def test_early_positions_are_told_as_early(lifelike: Lifelike) -> None:
+    trials, info = lifelike
+    early = [replace(one, position_t_s=one.position_t_s - 2.0 * LATE_S) for one in trials]
+    (found,) = judge_study([record_of(one, info) for one in early])
+    assert (found.code, found.severity) == ("position_delay", "warning")
+    assert found.value == pytest.approx(-1e3 * LATE_S, abs=4.0)
+    assert f"the positions turn {-found.value:.0f} ms earlier than" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("late_s", "words"), [(0.0352, "35.2 ms late"), (-0.012, "12.0 ms early")]
+)
+def test_a_delay_has_no_sign_in_words(late_s: float, words: str) -> None:
+    assert delay_text(late_s) == words
 
 
 def test_once_the_study_says_so_nothing_is_said(lifelike: Lifelike, tmp_path: Path) -> None:
