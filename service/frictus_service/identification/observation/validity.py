@@ -20,6 +20,7 @@ from numba import njit
 from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.observation.hann_spectrum import LONGEST, hann_spectrum
 from frictus_service.identification.observation.response import drive_fraction
+from frictus_service.identification.observation.standing import judge_standing
 from frictus_service.identification.observation.sweeps import (
     GAP_S,
     LEAST_SWEEP_S,
@@ -196,6 +197,7 @@ def judge(
     """
     return (
         *_samples(trial),
+        *judge_standing(trial, sweeps),
         *_speed(trial, motion, sweeps, means.speed_mm_s),
         *_force(trial, sweeps, means.force_n),
         *_drive(trial, study),

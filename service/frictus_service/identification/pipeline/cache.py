@@ -35,6 +35,7 @@ _ESTIMATOR: Final = (
     "frictus_service.identification.observation.least_squares",
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
+    "frictus_service.identification.observation.standing",
     "frictus_service.identification.observation.sweeps",
     "frictus_service.identification.observation.tones",
     "frictus_service.identification.observation.validity",
