@@ -166,6 +166,8 @@ ResponseName = Literal["friction", "mobility"]
 
 LEAST_ROWS: Final = 3
 """Of a band, for its coherence."""
+LEAST_DRIVEN: Final = 0.1
+"""Of the strongest drive in a band, by amplitude: what is driven by less is not."""
 LOW_HZ: Final = 250.0
 """Up to here friction follows the drive, and skin friction, within a quarter of a period."""
 FAR: Final = 0.25
@@ -279,10 +281,14 @@ def coherence(pool: Pool, response: ResponseName, band_hz: tuple[float, float]) 
     """Return the median share of the responses in a band that is not noise.
 
     Power of a response less that of its error, over its power: what is coherent in the segment
-    that it comes from.
+    that it comes from. A chirp, or a texture's line, is elsewhere most of the time: what is not
+    driven is noise in the best of sensors, and does not count.
     """
-    tones_hz, measured, variance = _known(pool, response)
+    tones_hz, measured, variance, drive = _known(pool, response)
     within = (tones_hz >= band_hz[0]) & (tones_hz < band_hz[1])
+    driven = drive[within & np.isfinite(drive)]
+    if driven.size:
+        within &= ~(drive < LEAST_DRIVEN * driven.max())
     if np.count_nonzero(within) < LEAST_ROWS:
         return np.nan
     power = np.square(np.abs(measured[within]))
@@ -291,7 +297,7 @@ def coherence(pool: Pool, response: ResponseName, band_hz: tuple[float, float]) 
 
 def _mean_cosine(pool: Pool, response: ResponseName) -> float:
     """Return the mean cosine of a response's phase at low tones, weighed by its certainty."""
-    tones_hz, measured, variance = _known(pool, response)
+    tones_hz, measured, variance, _ = _known(pool, response)
     low = tones_hz <= LOW_HZ
     if not low.any():
         return np.nan
@@ -300,8 +306,10 @@ def _mean_cosine(pool: Pool, response: ResponseName) -> float:
     return float(weight @ (measured[low].real / size) / weight.sum())
 
 
-def _known(pool: Pool, response: ResponseName) -> tuple[FloatArray, ComplexArray, FloatArray]:
-    """Return tones, responses and variances of all rows that say something."""
+def _known(
+    pool: Pool, response: ResponseName
+) -> tuple[FloatArray, ComplexArray, FloatArray, FloatArray]:
+    """Return tones, responses, variances and drives of all rows that say something."""
     friction = response == "friction"
     rows = [each.observed.rows for each in pool.trials]
     tones_hz = np.concatenate([each.tone_hz for each in rows])
@@ -311,8 +319,9 @@ def _known(pool: Pool, response: ResponseName) -> tuple[FloatArray, ComplexArray
     variance = np.concatenate(
         [each.friction_variance if friction else each.mobility_variance for each in rows]
     )
+    drive = np.abs(np.concatenate([each.message for each in rows]))
     known = np.isfinite(measured) & (measured != 0.0) & np.isfinite(variance)
-    return tones_hz[known], measured[known], variance[known]
+    return tones_hz[known], measured[known], variance[known], drive[known]
 
 
 def passivity(pool: Pool) -> float:

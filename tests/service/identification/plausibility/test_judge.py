@@ -1,7 +1,7 @@
 """Right measurements are left in peace; each slip is named, with the remedy."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from tests.service.identification.plausibility.slips import (
 from tests.service.identification.trials import STUDY, Made, numbered, trial
 
 from frictus_service.errors import ImplausibleStudyError
+from frictus_service.identification.observation.response import ResponseRows
 from frictus_service.identification.plausibility.checks import CHECKS
 from frictus_service.identification.plausibility.finding import (
     leave_out,
@@ -198,6 +199,32 @@ def test_noise_is_told_by_band(session: list[Trial], rng: np.random.Generator) -
     assert not any("friction_coherence" in each.code for each in found)
     (named,) = [each for each in found if each.code == "mobility_coherence_200"]
     assert named.sentence.startswith("from 200 to 600 Hz, skin and friction are mostly noise")
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.05, False), (1.0, True)])
+def test_what_is_not_driven_is_no_noise(
+    share: float, told: bool, session: list[Trial], rng: np.random.Generator
+) -> None:
+    """As of a chirp, which is in a band for a part of a stroke; the rest holds noise alone."""
+    record = record_of(session[-2], STUDY)
+    rows = record.observed.rows
+    parts = rng.standard_normal((2, rows.tone_hz.size))
+    elsewhere = replace(
+        rows,
+        message=share * rows.message,
+        friction_response=parts[0] + 1j * parts[1],
+        friction_variance=np.ones(rows.tone_hz.size),
+    )
+    mixed = ResponseRows(
+        **{
+            field.name: np.concatenate(
+                [getattr(part, field.name) for part in (rows, elsewhere, elsewhere)]
+            )
+            for field in fields(ResponseRows)
+        }
+    )
+    found = judge_study([replace(record, observed=replace(record.observed, rows=mixed))])
+    assert any("friction_coherence" in each.code for each in found) is told
 
 
 @pytest.mark.parametrize("code", ["skin_delay", "position_delay", "position_delay_removed"])
