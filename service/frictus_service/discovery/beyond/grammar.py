@@ -88,18 +88,19 @@ _WORDS: Final[Mapping[str, _Words]] = {
         "the corner",
     ),
     "switch_by_speed": _Words(
-        "the {part} changes by exp({log_change}) beyond {threshold_mm_s} mm/s, over "
+        "the {part} changes by a factor of {log_change} beyond {threshold_mm_s} mm/s, over "
         "{width_mm_s} mm/s",
         "a change of regime of sliding, or a limit of the tracker",
         "speeds in small steps around the threshold, rising and falling",
     ),
     "switch_by_force": _Words(
-        "the {part} changes by exp({log_change}) beyond {threshold_n} N, over {width_n} N",
+        "the {part} changes by a factor of {log_change} beyond {threshold_n} N, over "
+        "{width_n} N",
         "contact that is lost below a force, or that saturates beyond it",
         "forces in small steps around the threshold, and the contact area filmed",
     ),
     "switch_by_time": _Words(
-        "the {part} changes by exp({log_change}) {threshold_min} min into the session",
+        "the {part} changes by a factor of {log_change} {threshold_min} min into the session",
         "something that was changed: cable, amplifier, mount, screen wiped, finger washed; or "
         "a drift that soon levels off",
         "the log of the session at that time, and the first trials repeated at the end",

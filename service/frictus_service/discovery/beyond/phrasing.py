@@ -79,8 +79,11 @@ def sentence(fitted: FittedForm) -> str:
 
 
 def _shown(fitted: FittedForm, name: str) -> str:
-    low, high = fitted.interval(name)
-    return f"{fitted.values[name]:.4g} [{low:.4g}, {high:.4g}]"
+    told = np.array([fitted.values[name], *fitted.interval(name)])
+    if name.startswith("log_"):
+        told = np.exp(told)  # a factor
+    value, low, high = told.tolist()
+    return f"{value:.4g} [{low:.4g}, {high:.4g}]"
 
 
 def discrepancy_of(beyond: Beyond, tones_hz: FloatArray) -> Discrepancy | None:
