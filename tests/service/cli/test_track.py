@@ -1,6 +1,7 @@
 """`frictus track` beside a real rig with a simulated person, and over its recording."""
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ import frictus
 from frictus.errors import LinkError
 from frictus.keys import Topics
 from frictus.messages import EstimateState, Interval, LawNow, LawValues, ModelChange
-from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.model import Covariance, FirstOrderSpeedLaw, Model
 from frictus.recordings import texture_of
 from frictus.textures import Region, Scene
 from frictus_hardware import SimulatedConfig
@@ -24,7 +25,7 @@ from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
-from frictus_service.cli.streams.track import summary_of
+from frictus_service.cli.streams.track import line_of, summary_of
 from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.library import SHIPPED
@@ -136,6 +137,24 @@ def test_of_more_changes_than_are_told_it_does_not_say_how_many(count: int, said
     )
     state = EstimateState(utc_ns=0, run=1, windows=9, law=law, changes=(change,) * count)
     assert any(f"the model was changed {said}" in line for line in summary_of(state, True))
+
+
+def test_the_gain_of_a_contact_is_not_told_as_the_person_s() -> None:
+    """One contact is known within 0.2 %, the person about whom contacts lie within 5 %."""
+    gain_n = Interval(value=0.31, low=0.3095, high=0.3105)
+    one = Interval(value=1.0, low=0.9, high=1.1)
+    law = LawNow(gain_n=gain_n, cutoff_20_hz=one, cutoff_100_hz=one, delay_us=one)
+    model = Model(
+        base=FirstOrderSpeedLaw(gain_n=0.3, cutoff_0_hz=400.0, slope_hz_per_mm_s=10.0),
+        covariance=Covariance(
+            parameters=["gain_n"], matrix=[[(0.3 * math.log(1.05) / 1.96) ** 2]]
+        ),
+    )
+    state = EstimateState(utc_ns=0, run=1, windows=9, law=law, model=model, participant="P01")
+    first, second, *_ = summary_of(state, False)
+    assert first == "gain        0.310 [0.309, 0.310] N in the newest contact"
+    assert second == "            0.300 [0.286, 0.315] N in the mean of contacts"
+    assert line_of(state).startswith("P01, 9 windows: gain 0.31 N")
 
 
 def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:

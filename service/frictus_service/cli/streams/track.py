@@ -1,5 +1,6 @@
 """`frictus track`: what is known of the finger while any texture plays, or played."""
 
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from frictus_service.config import Config
 
 SILENT_S: Final = 3.0
+Z95: Final = 1.96
+"""Standard errors that half an interval of 95 % has."""
 STUDIES: Final = (".h5", ".hdf5")
 MOUNT: Final = "paper"
 OF_TONES: Final = (
@@ -261,8 +264,9 @@ def line_of(state: "EstimateState") -> str:
         return "nothing felt yet"
     errors = ", ".join(f"{name} {value:.2f} dB" for name, value in state.error_db.items())
     alarms = f"; wrong: {', '.join(state.alarms)}" if state.alarms else ""
+    whose = f"{state.participant}, " if state.participant else ""
     return (
-        f"{state.windows} windows: gain {_with_share(state.law.gain_n, 'N')}, cutoff "
+        f"{whose}{state.windows} windows: gain {_with_share(state.law.gain_n, 'N')}, cutoff "
         f"{_with_share(state.law.cutoff_20_hz, 'Hz')} at 20, "
         f"{_with_share(state.law.cutoff_100_hz, 'Hz')} at 100 mm/s; {errors}{alarms}"
     )
@@ -299,7 +303,8 @@ def summary_of(state: "EstimateState", live: bool) -> list[str]:
         ]
     law, errors = state.law, state.error_db
     lines = [
-        f"gain        {_interval(law.gain_n, 3)} N",
+        f"gain        {_interval(law.gain_n, 3)} N in the newest contact",
+        *_gain_of_person(state.model),
         f"cutoff      {_interval(law.cutoff_20_hz, 0)} Hz at 20 mm/s",
         f"            {_interval(law.cutoff_100_hz, 0)} Hz at 100 mm/s",
         f"delay       {_interval(law.delay_us, 1)} us, of the rig's channels",
@@ -317,6 +322,21 @@ def summary_of(state: "EstimateState", live: bool) -> list[str]:
     if state.new_fingers:
         lines.append(f"the finger became another without notice {state.new_fingers} times")
     return lines + refused
+
+
+def _gain_of_person(model: "Model | None") -> list[str]:
+    """Return the line of the gain about which a person's contacts lie, which is published."""
+    from frictus.model import FirstOrderSpeedLaw
+
+    if model is None or model.covariance is None:
+        return []
+    if not isinstance(model.base, FirstOrderSpeedLaw):
+        return []
+    gain_n = model.base.gain_n
+    at = model.covariance.parameters.index("gain_n")
+    half = Z95 * math.sqrt(model.covariance.matrix[at][at]) / gain_n
+    low, high = gain_n * math.exp(-half), gain_n * math.exp(half)
+    return [f"            {gain_n:.3f} [{low:.3f}, {high:.3f}] N in the mean of contacts"]
 
 
 def _with_share(value: "Interval", unit: str) -> str:
