@@ -85,6 +85,7 @@ def test_a_cause_of_another_shape_claims_no_size_and_no_gain(rng: np.random.Gene
     found = found_in(evidence)
     cause = cause_in(found, "position_dependent_gain")
     assert (cause.verdict, cause.gain, cause.parameters) == ("family", None, {})
+    assert cause.rivals == ()  # of a gain that is not claimed no rival keeps a share
     assert found.extended_model.effects == []
     assert found.verdict == "partly_explained"
     assert found.explained_share == 0.0

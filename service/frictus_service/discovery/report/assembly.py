@@ -209,7 +209,9 @@ class Assembly:
             evidence=self._evidence(),
             rivals=rival_costs(
                 self._found.extended.units, self._problem.candidates, each.candidate, others
-            ),
+            )
+            if each.in_model
+            else (),
         )
 
     @property

@@ -110,7 +110,9 @@ NEGLIGIBLE = 1e-3
 def _less(rms: tuple[float, float]) -> str:
     before, after = rms
     share = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
-    return "nothing" if abs(share) < NEGLIGIBLE else f"{100.0 * share:.3g} %"
+    if share < -NEGLIGIBLE:
+        return f"nothing (it leaves {-100.0 * share:.2g} % more)"
+    return "nothing" if share < NEGLIGIBLE else f"{100.0 * share:.3g} %"
 
 
 def kept_share(rival: RivalCost) -> str:

@@ -293,6 +293,8 @@ def test_gain_is_told_as_a_share(rng: np.random.Generator) -> None:
     assert "nats" not in gain_sentence(found.gain)
     worse = found.gain.model_copy(update={"residual_deg": (0.9, 0.9001)})
     assert "and nothing in phase" in gain_sentence(worse)
+    worse = found.gain.model_copy(update={"residual_deg": (0.9, 0.909)})
+    assert "and nothing (it leaves 2 % more) in phase" in gain_sentence(worse)
 
 
 def test_rivals_are_told_by_what_they_keep(rng: np.random.Generator) -> None:
