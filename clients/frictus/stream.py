@@ -4,7 +4,6 @@ Each frame stands alone, so that the newest may overtake older ones; the rig cro
 one to the next. 64 bytes of header, then float32 friction in newtons, all little-endian.
 """
 
-import math
 import struct
 import threading
 import time
@@ -215,11 +214,6 @@ def update_frame(
     spatial = period_mm is not None
     period = period_mm if period_mm is not None else period_s
     assert period is not None
-    for name, value in (("period", period), ("angle_deg", angle_deg)):
-        if not isinstance(value, Real):
-            raise ArgumentError(f"{name} {value!r}: a number is accepted")
-    if not isinstance(ttl_ms, Integral):
-        raise ArgumentError(f"ttl_ms {ttl_ms!r}: a whole number is accepted")
     try:
         return StreamFrame(
             ticket, sequence, utc_ns, ttl_ms, period, spatial, angle_deg, friction
@@ -239,13 +233,13 @@ def _check(
         raise FrameError(f"friction of shape {friction_n.shape}: 2 to {MAX_SAMPLES} samples")
     if not np.all(np.abs(friction_n) <= 10.0):  # NaN compares false, so it is refused too
         raise FrameError("friction must be finite and within -10 to 10 N")
-    if not 0 < ttl_ms <= MAX_TTL_MS:
-        raise FrameError(f"ttl_ms {ttl_ms}: 1 to {MAX_TTL_MS} accepted")
+    if not (isinstance(ttl_ms, Integral) and 0 < ttl_ms <= MAX_TTL_MS):
+        raise FrameError(f"ttl_ms {ttl_ms!r}: 1 to {MAX_TTL_MS} accepted, whole")
     (shortest, longest), unit = (PERIOD_MM, "mm") if spatial else (PERIOD_S, "s")
-    if not shortest <= period <= longest:
-        raise FrameError(f"period {period} {unit}: {shortest:g} to {longest:g} accepted")
-    if not (math.isfinite(angle_deg) and abs(angle_deg) <= 360.0):
-        raise FrameError(f"angle {angle_deg} deg: -360 to 360 accepted")
+    if not (isinstance(period, Real) and shortest <= period <= longest):
+        raise FrameError(f"period {period!r} {unit}: {shortest:g} to {longest:g} accepted")
+    if not (isinstance(angle_deg, Real) and abs(angle_deg) <= 360.0):  # no NaN either
+        raise FrameError(f"angle {angle_deg!r} deg: -360 to 360 accepted")
 
 
 class TextureStream:

@@ -102,9 +102,9 @@ def test_a_stream_that_is_known_to_have_ended_closes_without_an_error(
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"ttl_ms": 200.0}, r"ttl_ms 200\.0: a whole number"),
-        ({"period_mm": "2"}, "period '2': a number"),
-        ({"angle_deg": None}, "angle_deg None: a number"),
+        ({"ttl_ms": 200.0}, r"ttl_ms 200\.0: 1 to 60000 accepted, whole"),
+        ({"period_mm": "2"}, "period '2' mm: 0.001 to 1000 accepted"),
+        ({"angle_deg": None}, "angle None deg: -360 to 360 accepted"),
     ],
 )
 def test_what_is_no_number_is_named(changes: dict[str, Any], told: str) -> None:
