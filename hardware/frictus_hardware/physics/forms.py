@@ -30,6 +30,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
 """By the word in an id."""
 WIDTHS: Final = {"speed": 4.0, "force": 0.03, "time": 0.2}
 """Over which a switch turns if nothing is said of it, in the quantity's unit."""
+_WIDTH_BOUNDS: Final = {"speed": (1.0, 20.0), "force": (0.0075, 0.15), "time": (0.02, 10.0)}
 BANDS_HZ: Final = (31, 62, 125, 250, 500, 1000, 2000)
 """Centres of the octaves of an empirical discrepancy."""
 QUALITY: Final = math.sqrt(2.0)
@@ -148,7 +149,7 @@ def _scheduled(
 def _width(by: str) -> Parameter:
     unit, usual = _LIMITS[by][1], WIDTHS[by]
     name = _LIMITS[by][0].replace("threshold", "width")
-    return Parameter(name, unit, 0.25 * usual, 5.0 * usual, 0.02 * usual, default=usual)
+    return Parameter(name, unit, *_WIDTH_BOUNDS[by], 0.02 * usual, default=usual)
 
 
 def _switch(part: Part, by: str) -> EffectDefinition:

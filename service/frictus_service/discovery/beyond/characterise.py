@@ -17,9 +17,9 @@ import numpy as np
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.effects import FORMS, extended
 from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit_form
-from frictus_service.discovery.beyond.grammar import Form, Held, grammar
+from frictus_service.discovery.beyond.grammar import TIMES_MIN, Form, Held, grammar
 from frictus_service.discovery.decision.prediction_gain import (
     OMNIBUS,
     find_unexplained,
@@ -42,6 +42,8 @@ TURNS: Final = 8
 """In which own parameters and a form are fitted at most; a small form needs one or two."""
 LEAST_SHARE: Final = 0.5
 """Of what is left reproducibly; a form that explains less describes something else."""
+NEARER: Final = 0.4
+"""Of what lies between two times at which a step is tried: it turns over as much at least."""
 RESPONSE: Final = frozenset({"size", "phase"})
 """Channels in which the grammar's forms show."""
 
@@ -211,7 +213,8 @@ class _Screen:
     @classmethod
     def of(cls, problem: DiscoveryProblem, model: Linearised) -> "_Screen":
         """Return the screen about a fitted model."""
-        pairs = [(form, each) for form in grammar() for each in form.candidates()]
+        forms = _grammar_of(problem)
+        pairs = [(form, each) for form in forms for each in form.candidates()]
         remainder, chosen, units = Remainder.of(problem, model), list(model.chosen), []
         for place, unit in enumerate(model.units):
             bare = remainder.whitened(place, "", {})
@@ -264,6 +267,29 @@ class _Screen:
         return [
             {form.dose: float(sizes[k]), **dict(self.candidates[k].held)} for k in best.values()
         ]
+
+
+def _grammar_of(problem: DiscoveryProblem) -> tuple[Form, ...]:
+    """Return all forms, those of time for the sessions of a problem.
+
+    When between two trials something was changed they do not tell. A step that turns over more
+    than half of what lies between them takes trials before and after it for changed by a part,
+    and comes out too large; of one over much less no trial tells where it is, nor where to look
+    for it from the nearest time at which it was tried.
+    """
+    minutes = [subject.trials.circumstances.minutes for subject in problem.subjects]
+    if not problem.people:  # they share the trials of a session
+        minutes = [np.concatenate(minutes)]
+    apart = np.concatenate([np.diff(np.unique(each)) for each in minutes])
+    if not apart.size:
+        return grammar()
+    times_min = np.quantile(np.concatenate(minutes), np.linspace(0.0, 1.0, len(TIMES_MIN) + 2))
+    step_min = max(0.5 * float(np.median(apart)), NEARER * float(np.median(np.diff(times_min))))
+    _, at, over = FORMS["gain_switch_by_time"].parameters
+    return grammar(
+        np.clip(times_min[1:-1], at.low, at.high).tolist(),
+        float(np.clip(step_min, over.low, over.high)),
+    )
 
 
 def _fit(remainder: Remainder, screen: _Screen, form: Form, units: Sequence[int]) -> FittedForm:

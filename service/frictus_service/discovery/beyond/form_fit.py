@@ -180,24 +180,25 @@ def fit_form(
     form : Form
         Of the grammar.
     begin : mapping
-        The dose and the shapes to begin with.
+        The dose and the shapes to begin with; what else is in it is held.
     units : sequence of int
         Numbers of those that are fitted.
     """
     names = (form.dose, *form.shapes)
     bounds = {p.name: (p.low, p.high) for p in FORMS[form.id].parameters}
     steps = {p.name: p.step for p in FORMS[form.id].parameters}
-    values = {name: float(np.clip(begin[name], *bounds[name])) for name in names}
+    begin = {name: float(np.clip(value, *bounds[name])) for name, value in begin.items()}
+    held = {name: value for name, value in begin.items() if name not in names}
 
     def plain(x: FloatArray) -> dict[str, float]:
         return {
             name: float(np.clip(np.exp(at) if name in LOGARITHMIC else at, *bounds[name]))
             for name, at in zip(names, x, strict=True)
-        }
+        } | held
 
     @lru_cache(maxsize=1)  # the slopes at a point are asked for right after what is left there
     def left_at_values(*at: float) -> list[FloatArray]:
-        values = dict(zip(names, at, strict=True))
+        values = dict(zip(names, at, strict=True)) | held
         return [remainder.rest(unit, form.id, values) for unit in units]
 
     def left(values: Mapping[str, float]) -> list[FloatArray]:
@@ -221,7 +222,7 @@ def fit_form(
     low, high = np.array([[_on_scale(n, b) for b in bounds[n]] for n in names]).T
     found = least_squares(
         left_at,
-        np.array([_on_scale(name, values[name]) for name in names]),
+        np.array([_on_scale(name, begin[name]) for name in names]),
         jacobian_at,
         (low, high),
         x_scale="jac",

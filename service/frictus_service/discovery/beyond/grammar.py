@@ -161,22 +161,34 @@ _FOLLOWING: Final[tuple[tuple[str, Held], ...]] = (
 _THRESHOLDS: Final[Mapping[str, Sequence[float]]] = {
     "speed": np.arange(25.0, 100.0, 5.0).tolist(),
     "force": np.arange(0.225, 0.6, 0.025).tolist(),
-    "time": np.arange(1.0, 20.0, 0.5).tolist(),
 }
+TIMES_MIN: Final = tuple(np.arange(1.0, 20.0, 0.5).tolist())
+"""At which a step is looked for in a session of which nothing is known."""
 
 _RISES: Final[Mapping[str, float]] = {
     "width_mm_s": WIDTHS["speed"],
     "width_n": WIDTHS["force"],
-    "width_min": WIDTHS["time"],
     "softness": 0.1,
 }
 """From which the sharpness of a switch and of a knee is fitted: no finger changes on an edge,
 and where a threshold is depends on how sharp it is."""
 
 
-def grammar() -> tuple[Form, ...]:
-    """Return all forms."""
-    return tuple(_paths()) + tuple(_scheduled())
+def grammar(
+    times_min: Sequence[float] = TIMES_MIN, step_min: float = WIDTHS["time"]
+) -> tuple[Form, ...]:
+    """Return all forms.
+
+    Parameters
+    ----------
+    times_min : sequence of float
+        At which a step in time is looked for.
+    step_min : float
+        Over which it turns.
+    """
+    thresholds = {**_THRESHOLDS, "time": times_min}
+    rises = {**_RISES, "width_min": step_min}
+    return tuple(_paths()) + tuple(_scheduled(thresholds, rises))
 
 
 def _paths() -> Iterator[Form]:
@@ -203,7 +215,9 @@ def _paths() -> Iterator[Form]:
             )
 
 
-def _scheduled() -> Iterator[Form]:
+def _scheduled(
+    thresholds: Mapping[str, Sequence[float]], rises: Mapping[str, float]
+) -> Iterator[Form]:
     for id_, effect in FORMS.items():
         part, _, rest = id_.partition("_")
         if part not in ("gain", "cutoff"):
@@ -214,8 +228,8 @@ def _scheduled() -> Iterator[Form]:
         coupled = not shapes
         grid: tuple[Held, ...] = ((),)
         if not coupled:
-            rise = tuple((name, _RISES[name]) for name in shapes[1:])
-            grid = tuple(((shapes[0], float(at)), *rise) for at in _THRESHOLDS[by])
+            rise = tuple((name, rises[name]) for name in shapes[1:])
+            grid = tuple(((shapes[0], float(at)), *rise) for at in thresholds[by])
         if by == "time":  # what is changed between two trials changes at once
             shapes = shapes[:1]
         yield Form(

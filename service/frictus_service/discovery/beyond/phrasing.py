@@ -54,9 +54,11 @@ def _said(found: Characterised) -> CharacterisedForm:
         ),
         parameters={
             name: ParameterEstimate(
-                value=fitted.values[name], ci95=fitted.interval(name), unit=units[name]
+                value=value,
+                ci95=fitted.interval(name) if name in fitted.half_width else None,
+                unit=units[name],
             )
-            for name in fitted.values
+            for name, value in fitted.values.items()
         },
         p_value=found.p_value,
         nats_per_person=mean,
@@ -70,7 +72,7 @@ def _said(found: Characterised) -> CharacterisedForm:
 
 def sentence(fitted: FittedForm) -> str:
     """Return what a form is, with its parameters and their intervals."""
-    shown = {name: _shown(fitted, name) for name in fitted.values}
+    shown = {name: _shown(fitted, name) for name in fitted.half_width}
     by = next((name for name in fitted.form.shapes if name.startswith("by_")), None)
     following = "" if by is None else f", changing by {shown[by]} of itself with the {by[3:]}"
     dose = fitted.values[fitted.form.dose]

@@ -1,10 +1,19 @@
 """Which of several forms describes what is left."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from tests.service.discovery.made import MOUNT, Design, facts, made
 
-from frictus_service.discovery.beyond.characterise import _Compared, _named, _Screen
+from frictus_service.discovery.beyond.characterise import (
+    _Compared,
+    _grammar_of,
+    _named,
+    _Screen,
+)
 from frictus_service.discovery.beyond.form_fit import Remainder
 from frictus_service.discovery.beyond.grammar import Form, grammar
 from frictus_service.discovery.discover import pose
@@ -69,3 +78,44 @@ def test_of_forms_not_told_apart_the_one_is_named_that_leaves_least_beside_own_p
     assert named[0].form == true
     assert remainder.misfit(*named[1]) < 0.9 * remainder.misfit(problem, model)
     assert _named(problem, model, remainder, screen, ()) is None
+
+
+def in_sessions(people: bool, *minutes: ArrayLike) -> Any:
+    """A problem of which only the times of its trials are known."""
+    subjects = [
+        SimpleNamespace(
+            trials=SimpleNamespace(circumstances=SimpleNamespace(minutes=np.array(each)))
+        )
+        for each in minutes
+    ]
+    return SimpleNamespace(subjects=subjects, people=people)
+
+
+def steps_in(problem: Any) -> tuple[list[float], float]:
+    """Return the times at which a step is looked for, and over how long it turns."""
+    step = next(each for each in _grammar_of(problem) if each.id == "gain_switch_by_time")
+    held = [dict(each) for each in step.grid]
+    (over,) = {each["width_min"] for each in held}
+    return [each["threshold_min"] for each in held], over
+
+
+def test_a_step_is_looked_for_in_the_sessions_that_there_were() -> None:
+    short = np.arange(30) * 0.2
+    times_min, over = steps_in(in_sessions(True, short, short))
+    assert over == pytest.approx(0.1)  # half of what lies between two trials
+    assert 0.1 <= min(times_min) < 0.4
+    assert 5.4 < max(times_min) < 5.8
+    long = np.arange(600) * 0.2
+    times_min, over = steps_in(in_sessions(True, long, long))
+    assert 110.0 < max(times_min) < 119.8
+    assert over == pytest.approx(0.4 * 119.8 / 39, rel=0.01)  # or none leads to the next
+
+
+def test_blocks_of_one_persons_trials_share_the_times_of_its_session() -> None:
+    session = np.arange(30) * 0.2
+    blocks = [session[first::6] for first in range(6)]
+    assert steps_in(in_sessions(False, *blocks)) == steps_in(in_sessions(True, session))
+
+
+def test_trials_that_all_began_together_tell_no_times() -> None:
+    assert _grammar_of(in_sessions(True, np.zeros(8), np.zeros(9))) == grammar()

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import extended
@@ -142,7 +143,37 @@ def test_a_form_that_does_nothing_where_it_begins_stays_there() -> None:
     """A switch at a time that no trial reached, as that of longer sessions of other people."""
     remainder = _left_by({}, np.ones((N_UNITS, 2 * TONES_HZ.size)))
     form = next(each for each in grammar() if each.id == "cutoff_switch_by_time")
-    begin = {form.dose: -3.0, **dict.fromkeys(form.shapes, 16.0)}
+    begin = {form.dose: -3.0, **dict.fromkeys(form.shapes, 16.0), "width_min": 0.07}
     fitted = fit_form(remainder, form, begin, range(N_UNITS))
     assert fitted.values == pytest.approx(begin)
     assert fitted.cost == pytest.approx(N_UNITS * 2 * TONES_HZ.size)
+
+
+@dataclass(frozen=True)
+class Changed(Remainder):
+    """What a gain that is another from one trial to the next leaves: trials 0.2 min apart."""
+
+    def rest(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
+        minutes = 0.2 * np.arange(30)
+        true = np.log(0.8) * (minutes > 2.7)
+        turned = expit((minutes - values["threshold_min"]) / values["width_min"])
+        left = (true - values["log_change"] * turned) / NOISE
+        readings: FloatArray = left - left.mean()  # everybody's own gain
+        return readings
+
+    def accuracy(self, unit: int) -> FloatArray:
+        return np.full(30, 1e-3)
+
+
+def test_what_is_changed_between_two_trials_has_its_size() -> None:
+    nothing: Any = None
+    remainder = Changed(nothing, nothing, (), (1.0,) * N_UNITS)
+    form = next(each for each in grammar() if each.id == "gain_switch_by_time")
+    begin = {"log_change": -0.1, "threshold_min": 2.5}
+    size, too_large = (
+        fit_form(remainder, form, {**begin, "width_min": over}, range(N_UNITS)).values
+        for over in (0.1, 0.2)
+    )
+    assert size["log_change"] == pytest.approx(np.log(0.8), rel=0.03)
+    assert 2.6 <= size["threshold_min"] <= 2.8  # the trials before and after
+    assert too_large["log_change"] < 1.04 * np.log(0.8)
