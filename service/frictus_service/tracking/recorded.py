@@ -129,7 +129,11 @@ def _cutter(
 
 
 def follow_study(
-    reader: StudyReader, prior: Prior, tell: Tell, late_s: float = 0.0
+    reader: StudyReader,
+    prior: Prior,
+    tell: Tell,
+    late_s: float = 0.0,
+    participant: str | None = None,
 ) -> dict[str, EstimateState]:
     """Follow the fingers of a study, each participant's trials in their order.
 
@@ -145,6 +149,8 @@ def follow_study(
         Told the estimate after every trial.
     late_s : float
         By which the times of the positions are taken earlier; beside what the study says.
+    participant : str or None
+        Who is followed; None: everybody.
 
     Returns
     -------
@@ -156,39 +162,40 @@ def follow_study(
     EstimateError
         If somebody's samples are too slow for any band.
     """
-    states: dict[str, EstimateState] = {}
-    trackers: dict[str, Tracker] = {}
-    cutters: dict[str, WindowCutter] = {}
-    rates_hz: dict[str, float] = {}
-    for run, asked in enumerate(reader.trials):
-        participant = asked.participant
-        if participant not in trackers:
-            # Windows of two rates do not share their frequencies.
-            rates_hz[participant] = mode(
-                each.sample_rate_hz for each in reader.trials if each.participant == participant
-            )
-            cutters[participant] = _cutter(
-                rates_hz[participant], reader.info.screen_peak_v, reader.info.mount
-            )
-            trackers[participant] = Tracker(cutters[participant], prior, reader.info.rig)
-            trackers[participant].begin_anew(prior, participant)
-        tracker = trackers[participant]
-        if asked.sample_rate_hz != rates_hz[participant]:
+    people = dict.fromkeys(each.participant for each in reader.trials)
+    return {
+        person: _follow_person(reader, person, prior, tell, late_s)
+        for person in people
+        if participant in (None, person)
+    }
+
+
+def _follow_person(
+    reader: StudyReader, person: str, prior: Prior, tell: Tell, late_s: float
+) -> EstimateState:
+    trials = [each for each in reader.trials if each.participant == person]
+    # Windows of two rates do not share their frequencies.
+    rate_hz = mode(each.sample_rate_hz for each in trials)
+    cutter = _cutter(rate_hz, reader.info.screen_peak_v, reader.info.mount)
+    tracker = Tracker(cutter, prior, reader.info.rig)
+    tracker.begin_anew(prior, person)
+    for run, asked in enumerate(trials):
+        if asked.sample_rate_hz != rate_hz:
             tracker.leave_out("a trial at another sample rate than most of this person's")
         else:
             parts: list[AlignedSamples] = []
             with suppress(TrialError):
                 trial = in_time(reader.read(asked.id), late_s)
                 parts = list(_parts_of(trial, run))
-                cutters[participant].skew(trial.force_skew_s)
+                cutter.skew(trial.force_skew_s)
             if not parts:
                 tracker.leave_out("a trial without drive, or damaged")
             for part in parts:
                 tracker.take(part)
             tracker.rest()
-        states[participant] = tracker.state(0)
-        tell(states[participant])
-    return states
+        state = tracker.state(0)
+        tell(state)
+    return state
 
 
 def _parts_of(trial: Trial, run: int) -> Iterator[AlignedSamples]:

@@ -236,7 +236,10 @@ def test_the_command_writes_the_model_of_the_one_that_is_named(
     assert unnamed.exit_code == Exit.CHECK_FAILED
     assert "P01, P02: name one with --participant" in unnamed.stderr
     assert not out.exists()
-    assert run("--participant", "P02").exit_code == Exit.OK
+    assert '"participant":"P01"' not in unnamed.stdout  # nobody was followed for nothing
+    named = run("--participant", "P02", "--json")
+    assert named.exit_code == Exit.OK
+    assert '"participant":"P01"' not in named.stdout
     model = Model.model_validate_json(out.read_bytes())
     assert (model.participant, model.provenance["source"]) == ("P02", "live")
     assert isinstance(model.base, FirstOrderSpeedLaw)

@@ -182,7 +182,7 @@ def _recorded(file: Path, mount: str, as_json: bool) -> "EstimateState":
 
 
 def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateState":
-    """Follow each participant of a study; return the estimate of the one that was named."""
+    """Follow a participant of a study, and return the estimate."""
     from frictus_service.calibration.coordinates import Prior
     from frictus_service.errors import EstimateError
     from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
@@ -196,23 +196,25 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
     with unchanged(file), StudyReader(file) as reader:
         if any(len(asked.tones_hz) == 1 for asked in reader.trials):
             sys.stderr.write(f"{OF_TONES}\n")
+        known = list(dict.fromkeys(each.participant for each in reader.trials))
+        if participant not in known and (participant or len(known) > 1):
+            named = f"{participant!r} is none of them" if participant else "name one"
+            raise EstimateError(
+                f"{file} has the participants {', '.join(known)}: {named} with --participant"
+            )
         records = records_of(read_study(file, OBSERVER))
         stop_if_implausible(judge_study(records, "friction"), str(file))
         late_s = max((each.statistics.positions_earlier_s for each in records), default=0.0)
         if late_s:
             sys.stderr.write(f"positions come {delay_text(late_s)}: read without it\n")
-        states = follow_study(reader, Prior.weak(), lambda told: _show(told, as_json), late_s)
+        states = follow_study(
+            reader, Prior.weak(), lambda told: _show(told, as_json), late_s, participant
+        )
         for left_out in reader.excluded:
             sys.stderr.write(f"trial {left_out.trial} is left out: {left_out.reason}\n")
     if not states:
         raise EstimateError(f"{file} has no trial that can be followed; see what is left out")
-    if participant is None and len(states) == 1:
-        return next(iter(states.values()))
-    if participant not in states:
-        known = ", ".join(states)
-        named = f"{participant!r} is none of them" if participant else "name one"
-        raise EstimateError(f"{file} has the participants {known}: {named} with --participant")
-    return states[participant]
+    return next(iter(states.values()))
 
 
 def document_of(state: "EstimateState | None", participant: str | None) -> "Model":
