@@ -125,9 +125,9 @@ def read_authority(folder: Path) -> Issued:
         folder / f"{AUTHORITY}{CERTIFICATE}",
         folder / f"{AUTHORITY}{KEY}",
     )
-    certificate = _certificate(certificate_file)
+    certificate, pem = _certificate(certificate_file), _content(key_file)
     try:
-        key = load_pem_private_key(_content(key_file), password=None)
+        key = load_pem_private_key(pem, password=None)
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise CertificateFileError(
             f"{key_file}: no unencrypted private key: {error}"
@@ -202,8 +202,9 @@ def _content(path: Path) -> bytes:
 
 
 def _certificate(path: Path) -> x509.Certificate:
+    content = _content(path)
     try:
-        return x509.load_pem_x509_certificate(_content(path))
+        return x509.load_pem_x509_certificate(content)
     except ValueError as error:
         raise CertificateFileError(f"{path}: no certificate (PEM): {error}") from error
 

@@ -49,6 +49,12 @@ def test_what_has_expired_is_told_by_the_exit_code(tmp_path: Path) -> None:
     assert json.loads(result.stdout)["state"] == "expired"
 
 
+def test_a_certificate_that_is_not_there_is_not_called_none(tmp_path: Path) -> None:
+    said = pki("show", tmp_path / "nowhere.pem").stderr
+    assert "cannot be read: No such file" in said
+    assert "no certificate" not in said
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
