@@ -13,6 +13,8 @@ from frictus.gaps import Gap
 
 PATIENCE: Final = 256
 """Blocks of which none matches before all streams are taken anew from their next ones."""
+STRANGERS: Final = 4
+"""So often taken anew, and never of one run: those of one rig are within a block or two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,26 +109,31 @@ def align(**streams: Iterable[Block | Gap]) -> Iterator[AlignedSamples]:
     ----------
     **streams : iterable of Block or Gap
         One or more of one rig, under the names that their data shall have. Samples are matched
-        by the device's count, whenever a stream sends them; of two rigs none ever match:
-        `Block.utc_ns`, good to `uncertainty_ns`, is what they have in common.
+        by the device's count, whenever a stream sends them.
 
     Raises
     ------
     ArgumentError
-        If there is none.
+        If there is none, or they are of two rigs, whose counts have nothing in common.
     SilenceError, LinkError
         What the feeds raise.
     """
     if not streams:
         raise ArgumentError("nothing to align: name one stream or more")
     heads = {name: _Head(iter(blocks)) for name, blocks in streams.items()}
-    run, expected, unmatched = -1, 0, 0
+    run, expected, unmatched, strangers = -1, 0, 0, 0
     try:
         while True:
             behind = _behind(heads.values(), run)
             unmatched += 1
             if unmatched > PATIENCE:  # one of them is where no rig ever gets
                 behind, unmatched = list(heads.values()), 0
+                strangers += len({head.block.run for head in behind}) > 1
+                if strangers >= STRANGERS and run == -1:
+                    raise ArgumentError(
+                        f"{' and '.join(heads)} have no run in common: streams of one rig are "
+                        "aligned; join those of two by `Block.utc_ns`"
+                    )
             for head in behind:
                 head.skip_to(head.end)
             if behind:

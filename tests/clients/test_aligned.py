@@ -98,6 +98,13 @@ def test_what_no_rig_says_holds_nothing_up_for_good(
     assert all(part.missing_samples >= 0 for part in parts)
 
 
+def test_streams_of_two_rigs_are_refused(rng: np.random.Generator) -> None:
+    left, right = (stream(rng, [(0, 400_000)], run) for run in (1, 2))
+    with pytest.raises(frictus.ArgumentError, match="left and right have no run in common"):
+        next(frictus.align(left=left, right=right))
+    assert next(left, None) is not None  # long before they end
+
+
 def test_nothing_to_align_is_refused() -> None:
     with pytest.raises(frictus.ArgumentError, match="name one stream"):
         next(frictus.align())
