@@ -7,6 +7,11 @@ import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.identification.observation.blocks import BLOCK
+from frictus_service.identification.observation.standing import (
+    MOST_STANDING,
+    longest_hold_s,
+    standing_samples,
+)
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.identification.observation.tones import Tones, fit
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
@@ -253,11 +258,16 @@ def rows_of(
         return NO_ROWS, notes
     amplitude, variance = _fit_all(trial, study, tones, pieces)
     usable = np.all(np.isfinite(amplitude[:, :2]) & (amplitude[:, :2] != 0.0), axis=(1, 2))
+    held = longest_hold_s(tones.tones_hz) * rate_hz
+    for at, piece in enumerate(pieces):
+        force_n = trial.force_n[piece.first * BLOCK : piece.last * BLOCK, 0]
+        usable[at] &= standing_samples(force_n, held) <= MOST_STANDING * force_n.size
     if not usable.all():
         missing = [p.segment for p, used in zip(pieces, usable, strict=True) if not used]
         notes.append(
             f"{_seconds(missing):.2f} s in {len(missing)} thirds of sweeps lack their drive, "
-            "or more than a fifth of their voltage or force samples, and were left out"
+            "or more than a fifth of their voltage or force samples, or have a force that "
+            "stands still, and were left out"
         )
     kept = [piece for piece, used in zip(pieces, usable, strict=True) if used]
     normal = [_mean(normal_n[piece.first : piece.last]) for piece in kept]

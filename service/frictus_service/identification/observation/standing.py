@@ -18,7 +18,7 @@ from frictus_service.study.trial import Trial
 LEAST_S: Final = 0.05
 """For which a force that is driven holds no value; a period of its lowest tone, if longer."""
 MOST_STANDING: Final = 0.1
-"""Share of the sweeps, as of samples that are missing."""
+"""Share of a third of a sweep, or of all sweeps of a trial."""
 
 
 def judge_standing(trial: Trial, sweeps: Sequence[Sweep]) -> Iterator[str]:
@@ -33,8 +33,7 @@ def judge_standing(trial: Trial, sweeps: Sequence[Sweep]) -> Iterator[str]:
     """
     if not sweeps or not trial.info.tones_hz or trial.voltage_v is None:
         return
-    rate_hz = trial.info.sample_rate_hz
-    least_s = max(LEAST_S, 1.0 / min(trial.info.tones_hz))
+    rate_hz, least_s = trial.info.sample_rate_hz, longest_hold_s(trial.info.tones_hz)
     parts = [
         trial.force_n[max(0, round(each.begin_s * rate_hz)) : round(each.end_s * rate_hz), 0]
         for each in sweeps
@@ -47,6 +46,17 @@ def judge_standing(trial: Trial, sweeps: Sequence[Sweep]) -> Iterator[str]:
             "and more at a time, while a tone drives; accepted: "
             f"{MOST_STANDING:.0%}; widen the range of the sensor or of its converter"
         )
+
+
+def longest_hold_s(tones_hz: Sequence[float]) -> float:
+    """Return for how long a force that tones drive holds no value.
+
+    Parameters
+    ----------
+    tones_hz : sequence of float
+        At least one.
+    """
+    return max(LEAST_S, 1.0 / min(tones_hz))
 
 
 def standing_samples(samples: FloatArray, least: float) -> int:

@@ -7,7 +7,7 @@ import pytest
 from tests.service.identification.trials import STUDY, Made, trial
 
 from frictus_hardware.physics.stages import Quantisation
-from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.observe import course_of, observe
 from frictus_service.identification.observation.standing import standing_samples
 from frictus_service.study.trial import Trial
 
@@ -37,6 +37,22 @@ def test_a_converter_that_hangs_is_told(good: Trial) -> None:
     force_n[10_000:30_000, 0] = force_n[10_000, 0]
     (reason,) = observe(replace(good, force_n=force_n), STUDY).reasons
     assert "stands still" in reason
+
+
+def test_a_third_of_a_sweep_in_which_it_stands_has_no_response(
+    rng: np.random.Generator,
+) -> None:
+    """Its response is 0, as certain as rounding is: one of them outweighs all others."""
+    made = trial(Made((100.0,), 60.0, 0.4, 12.0, noise_n=0.002), rng)
+    segments = course_of(made).segments
+    hung = segments[int(rng.integers(1, len(segments) - 1))]
+    first, last = (round(at * made.info.sample_rate_hz) for at in (hung.begin_s, hung.end_s))
+    force_n = made.force_n.copy()
+    force_n[first:last, 0] = force_n[first, 0]
+    before, after = observe(made, STUDY), observe(replace(made, force_n=force_n), STUDY)
+    assert after.valid
+    assert after.rows.tone_hz.size == before.rows.tone_hz.size - 1
+    assert any("a force that stands still" in note for note in after.notes)
 
 
 @pytest.mark.parametrize("tones_hz", [(30.0,), (100.0, 750.0)])
