@@ -5,13 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_service.identification.observation.blocks import BLOCK
-from frictus_service.identification.observation.standing import (
-    MOST_STANDING,
-    longest_hold_s,
-    standing_samples,
-)
+from frictus_service.identification.observation.standing import longest_hold_s, stands
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.identification.observation.tones import Tones, fit
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
@@ -259,9 +255,23 @@ def rows_of(
     amplitude, variance = _fit_all(trial, study, tones, pieces)
     usable = np.all(np.isfinite(amplitude[:, :2]) & (amplitude[:, :2] != 0.0), axis=(1, 2))
     held = longest_hold_s(tones.tones_hz) * rate_hz
-    for at, piece in enumerate(pieces):
-        force_n = trial.force_n[piece.first * BLOCK : piece.last * BLOCK, 0]
-        usable[at] &= standing_samples(force_n, held) <= MOST_STANDING * force_n.size
+
+    def standing(samples: FloatArray) -> BoolArray:
+        return np.array(
+            [stands(samples[p.first * BLOCK : p.last * BLOCK], held) for p in pieces]
+        )
+
+    usable &= ~standing(trial.force_n[:, 0])
+    if amplitude.shape[1] > 2:
+        skin = trial.skin_velocity_m_s if trial.accel_m_s2 is None else trial.accel_m_s2[:, 0]
+        assert skin is not None
+        dead = standing(skin)
+        amplitude[dead, 2] = variance[dead, 2] = np.nan
+        if dead.any():
+            notes.append(
+                f"the skin's sensor stands still in {int(dead.sum())} thirds of sweeps, which "
+                "say nothing of mobility"
+            )
     if not usable.all():
         missing = [p.segment for p, used in zip(pieces, usable, strict=True) if not used]
         notes.append(

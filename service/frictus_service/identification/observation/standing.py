@@ -59,6 +59,19 @@ def longest_hold_s(tones_hz: Sequence[float]) -> float:
     return max(LEAST_S, 1.0 / min(tones_hz))
 
 
+def stands(samples: FloatArray, least: float) -> bool:
+    """Return whether a channel tells nothing of what drives it.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Of a third of a sweep.
+    least : float
+        Samples of a run.
+    """
+    return standing_samples(samples, least) > MOST_STANDING * samples.size
+
+
 def standing_samples(samples: FloatArray, least: float) -> int:
     """Return how many samples are of runs of one and the same value.
 

@@ -39,20 +39,38 @@ def test_a_converter_that_hangs_is_told(good: Trial) -> None:
     assert "stands still" in reason
 
 
-def test_a_third_of_a_sweep_in_which_it_stands_has_no_response(
-    rng: np.random.Generator,
-) -> None:
+def with_a_third_that_stands(original: Trial, name: str, rng: np.random.Generator) -> Trial:
+    segments = course_of(original).segments
+    hung = segments[int(rng.integers(1, len(segments) - 1))]
+    first, last = (
+        round(at * original.info.sample_rate_hz) for at in (hung.begin_s, hung.end_s)
+    )
+    samples = getattr(original, name).copy()
+    samples[first:last, 0] = samples[first, 0]
+    return replace(original, **{name: samples})
+
+
+def test_a_third_in_which_it_stands_has_no_response(rng: np.random.Generator) -> None:
     """Its response is 0, as certain as rounding is: one of them outweighs all others."""
     made = trial(Made((100.0,), 60.0, 0.4, 12.0, noise_n=0.002), rng)
-    segments = course_of(made).segments
-    hung = segments[int(rng.integers(1, len(segments) - 1))]
-    first, last = (round(at * made.info.sample_rate_hz) for at in (hung.begin_s, hung.end_s))
-    force_n = made.force_n.copy()
-    force_n[first:last, 0] = force_n[first, 0]
-    before, after = observe(made, STUDY), observe(replace(made, force_n=force_n), STUDY)
+    before = observe(made, STUDY)
+    after = observe(with_a_third_that_stands(made, "force_n", rng), STUDY)
     assert after.valid
     assert after.rows.tone_hz.size == before.rows.tone_hz.size - 1
     assert any("a force that stands still" in note for note in after.notes)
+
+
+def test_a_third_in_which_the_skins_sensor_stands_has_no_mobility(
+    rng: np.random.Generator,
+) -> None:
+    made = trial(Made((100.0,), 60.0, 0.4, 12.0, noise_n=0.002), rng)
+    before = observe(made, STUDY).rows
+    after = observe(with_a_third_that_stands(made, "accel_m_s2", rng), STUDY)
+    assert after.valid
+    assert np.isnan(after.rows.mobility).sum() == 1
+    assert np.isnan(after.rows.mobility_variance).sum() == 1
+    np.testing.assert_array_equal(after.rows.friction_response, before.friction_response)
+    assert any("say nothing of mobility" in note for note in after.notes)
 
 
 @pytest.mark.parametrize("tones_hz", [(30.0,), (100.0, 750.0)])
