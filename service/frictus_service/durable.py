@@ -13,7 +13,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final
 
 from frictus.files import sync_folder
@@ -94,6 +94,17 @@ def blamed_on(path: Path) -> Iterator[None]:
         if error.errno is not None:
             error.filename = str(path)
         raise
+
+
+def file_of(error: OSError) -> str:
+    """Return the name of the file that an error is of, for whom its folder does not concern.
+
+    Parameters
+    ----------
+    error : OSError
+        Of the system; it may name none.
+    """
+    return PurePath(str(error.filename or "")).name or "a file of its own"
 
 
 def unfinished_beside(path: Path) -> Path:

@@ -2,7 +2,6 @@
 
 import errno
 import logging
-from pathlib import PurePath
 from typing import Final
 
 import anyio
@@ -58,6 +57,7 @@ from frictus_service.api.problems import (
     WrongStateError,
     places,
 )
+from frictus_service.durable import file_of
 from frictus_service.library import (
     DamagedTextureError,
     ReadOnlyTextureError,
@@ -126,9 +126,8 @@ def problem_of(error: Exception) -> ApiError:
             "system writable, and ask again"
         )
     if isinstance(error, OSError) and error.errno in _CLOSED:
-        name = PurePath(str(error.filename or "")).name
         return NoAccessError(
-            f"the server may not read or write {name or 'a file of its own'} "
+            f"the server may not read or write {file_of(error)} "
             f"({error.strerror}): have the account that it runs under given the right to, and "
             "ask again; its log has the whole path"
         )

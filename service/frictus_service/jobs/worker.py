@@ -13,12 +13,12 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from pathlib import PurePath
 from typing import IO, Any, Final
 
 from pydantic import BaseModel
 
 from frictus.errors import FrictusError
+from frictus_service.durable import file_of
 from frictus_service.errors import (
     CancelledError,
     DiscoveryCancelledError,
@@ -87,8 +87,7 @@ def _carry_out(work: Work, parent: ParentLink) -> Word:
     except (ServiceError, FrictusError) as error:
         return Word(kind="failed", data=str(error))
     except OSError as error:  # a disk, a file: no bug
-        name = PurePath(str(error.filename or "")).name or "a file of its own"
-        why = f"{name} could not be read or written ({error.strerror or error})"
+        why = f"{file_of(error)} could not be read or written ({error.strerror or error})"
         return Word(kind="failed", data=f"{why}: have its machine mended, and start it again")
     except Exception as error:
         traceback.print_exc()

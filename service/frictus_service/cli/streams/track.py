@@ -197,7 +197,7 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
         if any(len(asked.tones_hz) == 1 for asked in reader.trials):
             sys.stderr.write(f"{OF_TONES}\n")
         known = list(dict.fromkeys(each.participant for each in reader.trials))
-        if participant not in known and (participant or len(known) > 1):
+        if known and participant not in known and (participant or len(known) > 1):
             named = f"{participant!r} is none of them" if participant else "name one"
             raise EstimateError(
                 f"{file} has the participants {', '.join(known)}: {named} with --participant"

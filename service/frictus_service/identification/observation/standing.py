@@ -1,4 +1,4 @@
-"""Whether a driven force stands still: at both ends of its range, or as its converter hung.
+"""Whether a driven channel stands still: at both ends of its range, or as its converter hung.
 
 What stands at one end of a range is clipped (`validity`). A force whose range is too narrow for
 either direction jumps from end to end where the finger turns, and so has two values, as a
@@ -16,7 +16,7 @@ from frictus_service.identification.observation.sweeps import Sweep
 from frictus_service.study.trial import Trial
 
 LEAST_S: Final = 0.05
-"""For which a force that is driven holds no value; a period of its lowest tone, if longer."""
+"""For which a channel that is driven holds no value; a period of its lowest tone, if longer."""
 MOST_STANDING: Final = 0.1
 """Share of a third of a sweep, or of all sweeps of a trial."""
 
@@ -49,7 +49,7 @@ def judge_standing(trial: Trial, sweeps: Sequence[Sweep]) -> Iterator[str]:
 
 
 def longest_hold_s(tones_hz: Sequence[float]) -> float:
-    """Return for how long a force that tones drive holds no value.
+    """Return for how long a channel that tones drive holds no value.
 
     Parameters
     ----------
