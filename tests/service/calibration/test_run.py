@@ -455,6 +455,7 @@ def test_a_trial_that_cannot_be_followed_is_rejected_and_left_out(
     protocol = BRIEF.model_copy(
         update={
             "speeds_mm_s": (60.0, 250.0),
+            "approach_s": 4.0,  # a busy machine starts its finger late
             "precision": 1e-6,
             "max_repeats": 0,
             "max_recorded_s": 8.0,

@@ -6,14 +6,15 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import FORMS, extended
-from frictus_hardware.physics.paths import MEASURED, factor_of
-from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_hardware.physics.paths import MEASURED, factor_of, scaled
+from frictus_hardware.physics.schedule import Quantity, SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.beyond.beyond import Beyond, SmoothDiscrepancy
 from frictus_service.discovery.beyond.characterise import Characterised, interval_of_mean
 from frictus_service.discovery.beyond.form_fit import FittedForm
 from frictus_service.discovery.decision.prediction_gain import DB, DEGREES
 from frictus_service.discovery.document import (
+    COVARIATES,
     CharacterisedForm,
     Covariate,
     Discrepancy,
@@ -22,7 +23,7 @@ from frictus_service.discovery.document import (
     Rival,
 )
 
-_QUANTITIES: Final[dict[str, str]] = {
+_QUANTITIES: Final[dict[Covariate, Quantity]] = {
     "speed": "speed_mm_s",
     "force": "normal_force_n",
     "minutes": "minutes",
@@ -74,10 +75,21 @@ def sentence(fitted: FittedForm) -> str:
     """Return what a form is, with its parameters and their intervals."""
     shown = {name: _shown(fitted, name) for name in fitted.half_width}
     by = next((name for name in fitted.form.shapes if name.startswith("by_")), None)
-    following = "" if by is None else f", changing by {shown[by]} of itself with the {by[3:]}"
+    following = "" if by is None else _following(by, shown[by])
     dose = fitted.values[fitted.form.dose]
     kind = "a notch" if dose < 0.0 else "a resonance"
     return fitted.form.what.format_map({**shown, "following": following, "kind": kind})
+
+
+def _following(by: str, rate: str) -> str:
+    """Return what a dose follows: it stands at the middle of the covariate's scale."""
+    covariate = next(each for each in _QUANTITIES if by == f"by_{each}")
+    low, high = MEASURED[_QUANTITIES[covariate]]
+    unit = COVARIATES[covariate]
+    return (
+        f" at {0.5 * (low + high):g} {unit}, changing by {rate} of itself from there to "
+        f"{high:g} {unit}"
+    )
 
 
 def _shown(fitted: FittedForm, name: str) -> str:
@@ -88,7 +100,9 @@ def _shown(fitted: FittedForm, name: str) -> str:
     return f"{value:.4g} [{low:.4g}, {high:.4g}]"
 
 
-def discrepancy_of(beyond: Beyond, tones_hz: FloatArray) -> Discrepancy | None:
+def discrepancy_of(
+    beyond: Beyond, tones_hz: FloatArray, measured: SlidingConditions
+) -> Discrepancy | None:
     """Return the smooth discrepancy over frequency and its covariate, with the form's curve.
 
     Parameters
@@ -97,13 +111,17 @@ def discrepancy_of(beyond: Beyond, tones_hz: FloatArray) -> Discrepancy | None:
         What lies beyond the catalogue.
     tones_hz : ndarray
         Of the study: nothing is drawn beyond them.
+    measured : SlidingConditions
+        Where the study's rows were measured, arrays of shape (n_rows,): nor beyond these.
     """
     smooth = beyond.smooth
     if smooth is None or tones_hz.size < 2:
         return None
     low, high = interval_of_mean(smooth.gain)
     along_hz = np.geomspace(float(tones_hz.min()), float(tones_hz.max()), DRAWN)
-    covariate = _covariate(smooth.covariate)
+    covariate = next((each for each in _QUANTITIES if each == smooth.covariate), None)
+    middle = {name: float(np.median(getattr(measured, name))) for name in _QUANTITIES.values()}
+    middle["direction"] = 1.0
     return Discrepancy(
         covariate=covariate,
         nats_per_person=float(smooth.gain.mean()),
@@ -111,46 +129,38 @@ def discrepancy_of(beyond: Beyond, tones_hz: FloatArray) -> Discrepancy | None:
         in_model=beyond.smooth_in_model,
         bins=tuple(
             each
-            for level in _levels(covariate)
-            for each in _bins(beyond, smooth, along_hz, level)
+            for level in _levels(covariate, measured)
+            for each in _bins(beyond, smooth, along_hz, covariate, level, middle)
         ),
     )
 
 
-def _covariate(name: str) -> Covariate | None:
-    return next((each for each in _COVARIATES if each == name), None)
-
-
-_COVARIATES: Final[tuple[Covariate, ...]] = (
-    "speed",
-    "force",
-    "minutes",
-    "direction",
-    "position",
-)
-
-
-def _levels(covariate: Covariate | None) -> tuple[float, ...]:
+def _levels(covariate: Covariate | None, measured: SlidingConditions) -> tuple[float, ...]:
     """Return lowest, middle and highest level; of no covariate one that means nothing."""
     if covariate is None:
         return (0.0,)
-    low, high = MEASURED[_QUANTITIES[covariate]]  # type: ignore[index]
-    return (low, high) if covariate == "direction" else (low, 0.5 * (low + high), high)
+    if covariate == "direction":
+        return MEASURED["direction"]
+    quantity = _QUANTITIES[covariate]
+    followed = np.clip(getattr(measured, quantity), *MEASURED[quantity])
+    low, high = float(followed.min()), float(followed.max())
+    return (low, 0.5 * (low + high), high)
 
 
 def _bins(
-    beyond: Beyond, smooth: SmoothDiscrepancy, along_hz: FloatArray, level: float
+    beyond: Beyond,
+    smooth: SmoothDiscrepancy,
+    along_hz: FloatArray,
+    covariate: Covariate | None,
+    level: float,
+    middle: dict[Quantity, float],
 ) -> list[DiscrepancyBin]:
-    x = 1.0
-    around = {"speed_mm_s": 60.0, "normal_force_n": 0.4, "position_mm": 35.0}
-    around |= {"direction": 1.0, "minutes": 10.0}
-    if smooth.covariate != "none":
-        quantity = _QUANTITIES[smooth.covariate]
-        low, high = MEASURED[quantity]  # type: ignore[index]
-        x = (2.0 * level - low - high) / (high - low)
-        around[quantity] = level
+    quantity = None if covariate is None else _QUANTITIES[covariate]
+    around = middle if quantity is None else {**middle, quantity: level}
+    at = SlidingConditions(**{name: np.full(along_hz.size, x) for name, x in around.items()})
+    x = 1.0 if quantity is None else float(scaled(quantity, at)[0])
     log, half_size, half_phase = smooth.at(along_hz, x)
-    form = None if beyond.form is None else _factor(beyond.form.fitted, along_hz, around)
+    form = None if beyond.form is None else _factor(beyond.form.fitted, along_hz, at)
     return [
         DiscrepancyBin(
             level=level,
@@ -166,11 +176,8 @@ def _bins(
     ]
 
 
-def _factor(fitted: FittedForm, along_hz: FloatArray, around: dict[str, float]) -> FloatArray:
+def _factor(fitted: FittedForm, along_hz: FloatArray, at: SlidingConditions) -> FloatArray:
     """Return the logarithm of what a form multiplies the response with."""
-    at = SlidingConditions(
-        **{name: np.full(along_hz.size, value) for name, value in around.items()}
-    )
     bare = Simulator()
     with_form = extended(bare, [(fitted.form.id, fitted.values)])
     factor = factor_of(with_form.paths, along_hz, at) * np.ones(along_hz.size)

@@ -136,7 +136,9 @@ class Assembly:
             cannot_tell=tuple(pair for each in self._unsure for pair in self._pairs(each)),
             unexplained=each_place_once(map(self._unexplained, found.unexplained)),
             characterised=characterised_forms(self._beyond),
-            discrepancy=discrepancy_of(self._beyond, self._rows.tones_hz),
+            discrepancy=discrepancy_of(
+                self._beyond, self._rows.tones_hz, self._rows.rows.circumstances
+            ),
             explained_share=self._explained_share(),
             gain=gain,
             evidence=self._evidence(),
