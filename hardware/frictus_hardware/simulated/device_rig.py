@@ -79,7 +79,8 @@ class Link:
 
 def _connect(config: SimulatedDeviceConfig) -> "Connection[Any, Any]":
     """Return a connection after the handshake, which `Client` would do without a time limit."""
-    connection: Connection[Any, Any] = Client(config.endpoint)
+    connection = Client(config.endpoint)
+    assert isinstance(connection, Connection)  # over TCP it is no pipe of Windows
     try:
         for step in (answer_challenge, deliver_challenge):
             step(_Impatient(connection, config.timeout_s), config.authkey.encode())  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ import base64
 import io
 import os
 import statistics
+import sys
 import time
 from dataclasses import dataclass
 from math import ceil
@@ -106,6 +107,8 @@ def taken_by_others(young: float, proc: Path = Path("/proc")) -> float:
     proc : Path
         Where Linux lists threads.
     """
+    if sys.platform == "win32":
+        return 0.0
     try:
         now_s = float((proc / "uptime").read_text().split()[0])
     except OSError:
@@ -140,7 +143,7 @@ def raise_priority(priority: int, budget: RealTimeBudget) -> str:
     """
     if not budget.fits:
         return f"normal: {budget}"
-    if not hasattr(os, "sched_setscheduler"):
+    if sys.platform == "win32" or not hasattr(os, "sched_setscheduler"):
         return "normal (this system has no SCHED_FIFO)"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

@@ -89,7 +89,7 @@ def real_time_priority() -> DoctorCheck:
     """See whether this user may have the priority of the rig's loop."""
     from frictus_service.processes import LOOP_PRIORITY
 
-    if not hasattr(os, "sched_setscheduler"):
+    if sys.platform == "win32" or not hasattr(os, "sched_setscheduler"):
         return DoctorCheck(
             "priority", "ok", "this system has no SCHED_FIFO; the loop runs as normal"
         )

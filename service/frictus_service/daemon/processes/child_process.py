@@ -22,7 +22,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from typing import Any, Final, Literal
 
 from frictus.errors import FrictusError
@@ -31,6 +30,11 @@ from frictus_service.config import Config
 from frictus_service.daemon.safety import FormerRun
 from frictus_service.errors import ServiceError
 from frictus_service.processes import Heartbeat
+
+if sys.platform == "win32":  # where a pipe's end is of a class of its own
+    from multiprocessing.connection import PipeConnection as Connection
+else:
+    from multiprocessing.connection import Connection
 
 PATIENCE_S: Final = 60.0
 """A start in which nothing moves for so long has failed."""
@@ -195,7 +199,7 @@ class ServiceManager:
             self._send("WATCHDOG=1")
 
     def _send(self, message: str) -> None:
-        if not self._address:
+        if sys.platform == "win32" or not self._address:
             return
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
             sender.setblocking(False)  # the watch over the rig waits for nobody
