@@ -86,6 +86,10 @@ class ParticipantScreen(Exact):
     touched: Annotated[bool, Field(description="False: a finger was missed")] = True
     right: bool | None = None
     answered: Annotated[int, Field(description="Trials that count")] = 0
+    refused: Annotated[
+        int,
+        Field(description="Trials that the rig could not render whole; 0 to participants"),
+    ] = 0
     pausing: Annotated[bool, Field(description="A pause follows this trial")] = False
 
 
@@ -107,7 +111,7 @@ class ExperimentJob(FolderJob):
 
     def veiled(self) -> Self:
         """Return it as participants may see it: without what tells them what is played."""
-        veil = {"condition": None, "level": None, "unit": ""}
+        veil = {"condition": None, "level": None, "unit": "", "refused": 0}
         screen = self.screen and self.screen.model_copy(update=veil)
         return self.model_copy(update={"seed": None, "screen": screen})
 

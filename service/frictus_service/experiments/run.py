@@ -207,6 +207,7 @@ class PageParticipant:
                 level=trial.level,
                 unit=stimulus.unit,
                 answered=sum(row["status"] == "answered" for row in counted),
+                refused=sum(row.get("status") == "refused" for row in rows),
                 pausing=self._pausing,
                 **more,
             )

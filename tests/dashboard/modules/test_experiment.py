@@ -123,6 +123,18 @@ def test_a_pause_can_be_ended_before_it_begins(page: Page) -> None:
     assert told == [[True, False], [False, True], [False, True]]
 
 
+def test_trials_that_the_rig_could_not_render_are_counted_while_it_runs(page: Page) -> None:
+    told = page.evaluate(
+        """async (jobs) => {
+          const { progressOf } = await import("/experiment/words.js");
+          return jobs.map(progressOf);
+        }""",
+        [job(answered=4), job(answered=4, refused=2)],
+    )
+    lost = "; 2 not presented: the rig cannot render them whole"
+    assert told == ["4 of 60 trials answered", f"4 of 60 trials answered{lost}"]
+
+
 def test_after_a_reconnection_an_experiment_is_followed_anew(page: Page) -> None:
     listed = {"experiments": [job()], "ready": []}
     page.route("**/v1/experiments?*", lambda route: route.fulfill(json=listed))

@@ -1,6 +1,7 @@
 """A participant on a page: asked, waited for, and not for ever."""
 
 import queue
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,7 +13,7 @@ from frictus.experiment.protocol import parse_protocol, ready_protocols
 from frictus.experiment.trial_log import FORMAT
 from frictus_service.errors import UnattendedError
 from frictus_service.experiments import run
-from frictus_service.experiments.job import Answer, Input, Pause
+from frictus_service.experiments.job import Answer, Input, ParticipantScreen, Pause
 
 
 class Clock:
@@ -33,17 +34,20 @@ def protocol() -> Protocol:
 
 
 def participant(
-    protocol: Protocol, inputs: "queue.SimpleQueue[Input]", clock: Clock
-) -> tuple[run.PageParticipant, ScheduledTrial, list[str]]:
+    protocol: Protocol,
+    inputs: "queue.SimpleQueue[Input]",
+    clock: Clock,
+    rows: Sequence[dict[str, Any]] = (),
+) -> tuple[run.PageParticipant, ScheduledTrial, list[ParticipantScreen]]:
     header = {"format": FORMAT, "participant": "P01", "seed": 1, "order_row": 0}
     trial = begun(protocol, header | {"protocol": protocol.model_dump(mode="json")}).next()
     assert trial is not None
-    experiment = SimpleNamespace(protocol=protocol, rows=[], require_ready=lambda: None)
-    shown: list[str] = []
+    experiment = SimpleNamespace(protocol=protocol, rows=rows, require_ready=lambda: None)
+    shown: list[ParticipantScreen] = []
     person = run.PageParticipant(
         cast(Experiment, experiment),
         inputs,
-        lambda screen: shown.append(screen.phase),
+        shown.append,
         lambda: False,
         clock,
     )
@@ -58,7 +62,7 @@ def test_a_rig_is_given_back_where_nobody_answers(
     person, trial, shown = participant(protocol, queue.SimpleQueue(), clock)
     with pytest.raises(UnattendedError, match=r"10 minutes: the rig is given back.*resume"):
         person.ask(trial, [])
-    assert shown == ["question"]
+    assert [screen.phase for screen in shown] == ["question"]
     assert clock.now_s == pytest.approx(run.UNATTENDED_S, abs=5 * 60.0)
 
 
@@ -78,3 +82,15 @@ def test_who_does_something_is_there(
         )
     inputs.put(Answer(trial=trial.number, step=1, answer="2"))
     assert cast(Any, person).ask(trial, []) == "2"
+
+
+def test_what_the_rig_could_not_render_is_told_as_it_happens(protocol: Protocol) -> None:
+    main = {"phase": "main", "catch": False}
+    rows = [
+        main | {"status": "answered"},
+        main | {"status": "refused"},
+        {"phase": "practice", "catch": False, "status": "refused"},
+    ]
+    person, trial, shown = participant(protocol, queue.SimpleQueue(), Clock(0.0), rows)
+    person.begin(trial, 1)
+    assert (shown[-1].answered, shown[-1].refused) == (1, 2)

@@ -26,11 +26,13 @@ export function stateOf({ state, screen }) {
   return screen.phase === "pause" ? "Paused" : STATES.running;
 }
 
-/** How many trials count, and what is under way. */
+/** How many trials count, and how many were none: their levels are not proposed again. */
 export function progressOf({ screen, planned }) {
   if (screen === null) return "";
   const of = planned === null ? "" : ` of ${planned}`;
-  return `${screen.answered}${of} trials answered`;
+  const { refused } = screen;
+  const lost = refused ? `; ${refused} not presented: the rig cannot render them whole` : "";
+  return `${screen.answered}${of} trials answered${lost}`;
 }
 
 /** The trial under way; what is played is told to who may calibrate. */

@@ -173,8 +173,8 @@ def test_who_may_not_calibrate_is_not_told_what_is_played(
     asked_of = screen(api, job, "question")
     (listed,) = api.get("/v1/experiments", params={"rig": rig.name}).json()["experiments"]
     for told in (asked_of, answered.json()["screen"], listed["screen"]):
-        hidden = {name: told[name] for name in ("condition", "level", "unit")}
-        assert hidden == {"condition": None, "level": None, "unit": ""}
+        hidden = {name: told[name] for name in ("condition", "level", "unit", "refused")}
+        assert hidden == {"condition": None, "level": None, "unit": "", "refused": 0}
     api.delete(job, headers=by("calibrate"))
     events = api.get(f"{job}/events").text.splitlines()  # until it has ended
     followed = [json.loads(line[6:]) for line in events if line.startswith("data: ")]
