@@ -191,9 +191,11 @@ static inline frictus_finger frictus_finger_at(const frictus_event *event, uint3
 {
     const float *row = event->data + index;
     size_t step = event->columns;
-    int flags = (int)row[7 * step];
+    float after = row[0], bits = row[7 * step];
+    /* Casts of what is no number, or out of range, are undefined: such a state is stale. */
+    int flags = bits >= 0.0f && bits < 65536.0f ? (int)bits : 2;
     frictus_finger finger;
-    finger.sample = event->first_sample + (uint64_t)row[0];
+    finger.sample = event->first_sample + (after >= 0.0f && after < 1e9f ? (uint64_t)after : 0);
     finger.x_mm = row[1 * step];
     finger.y_mm = row[2 * step];
     finger.vx_mm_s = row[3 * step];
@@ -339,7 +341,7 @@ static inline int frictus_open(frictus *f, const char *host, int port, const cha
     int got;
     memset(f, 0, sizeof *f);
     f->socket = FRICTUS_NO_SOCKET;
-    f->noise = (uint32_t)frictus_now_us() ^ (uint32_t)(uintptr_t)f ^ 0x9e3779b9u;
+    f->noise = (uint32_t)(uint64_t)frictus_now_us() ^ (uint32_t)(uintptr_t)f ^ 0x9e3779b9u;
     f->noise |= 1;
 #ifdef _WIN32
     {

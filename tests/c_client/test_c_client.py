@@ -29,7 +29,13 @@ from frictus.websocket.frames import Frame, Kind
 pytestmark = pytest.mark.timeout(300)
 SOURCE = Path(__file__).parents[2] / "clients" / "c"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Werror")
-CHECKED = ("-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover")
+CHECKED = (
+    "-std=c99",
+    "-g",
+    "-O1",
+    "-fsanitize=address,undefined,float-cast-overflow",
+    "-fno-sanitize-recover=all",
+)
 COMMA = """\
 LC_NUMERIC
 decimal_point ","
@@ -170,6 +176,7 @@ SHAKEN = b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\n\r\n"
 GREETED = SHAKEN + told(**WELCOME)
 SAMPLES = Frame(1, 0, 3, 400, 0, 2e4, 1, Kind.RAW, 0, np.zeros((3, 100), np.float32)).pack()
 FINGER = Frame(100, 0, 3, 400, 0, 2e4, 1, Kind.FINGER, 0, np.ones((8, 3), np.float32)).pack()
+NAN = struct.pack("<f", np.nan)
 GOOD = [
     told(op="armed", rig="rig1", id=1),
     told(op="stream_opened", rig="rig1", ticket=1, applied=None, id=2),
@@ -218,6 +225,11 @@ def faultless(done: subprocess.CompletedProcess[str]) -> None:
         ([GREETED, frame(2, FINGER[:4] + b"\x07\0" + FINGER[6:])], "as long as"),
         ([GREETED, frame(5, b"")], "unknown kind"),
         ([GREETED, *GOOD], "closed"),
+        ([GREETED, *GOOD[:-1], frame(2, FINGER[:56] + NAN * 24)], "closed"),
+        (
+            [GREETED, *GOOD[:-1], frame(2, FINGER[:56] + struct.pack("<24f", *[-1e30] * 24))],
+            "closed",
+        ),
     ],
 )
 def test_a_service_that_answers_wrongly_is_left(

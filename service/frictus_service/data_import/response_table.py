@@ -165,8 +165,8 @@ def _response(found: dict[str, Column]) -> ComplexArray:
     # Degrees and radians cannot be told apart by their size: a cutoff of 200 Hz became 307.
     if _factor(found["phase"], "rad") is None:
         raise FieldError("phase", 'names no unit: call it "phase (deg)" or "phase (rad)"')
-    response: ComplexArray = magnitude * np.exp(1j * _plain("phase", found["phase"]))
-    return response
+    phase_rad = _plain("phase", found["phase"])
+    return np.asarray(magnitude * np.exp(1j * phase_rad), np.complex128)
 
 
 def _unit(column: Column) -> str:

@@ -337,5 +337,6 @@ def to_mat(published: Published) -> bytes:
         "document": model.to_json().decode(),
     }
     content = io.BytesIO()
-    savemat(content, variables, long_field_names=True, oned_as="row")  # type: ignore[arg-type]
+    file: Any = content  # the types of some versions of scipy know paths alone
+    savemat(file, variables, long_field_names=True, oned_as="row")
     return content.getvalue()

@@ -46,7 +46,7 @@ def read_variables(path: Path) -> dict[str, Any]:
     _check_bounds(path)
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "Duplicate variable|Unreadable variable")
-        # An object of MATLAB, as a session of NI-DAQ, is no array and has no name.
+        # An object of MATLAB, as a session of NI-DAQ, is no array; scipy < 1.18 calls it None.
         warnings.filterwarnings("ignore", 'Duplicate variable name "None"')
         try:
             read = loadmat(path, struct_as_record=False, squeeze_me=False)

@@ -65,7 +65,7 @@ def drawn(rng: np.random.Generator) -> Slide:
     return Slide(
         speed_mm_s=rng.uniform(22.0, 70.0),
         force_n=rng.uniform(0.2, 0.6),
-        direction=rng.choice([-1.0, 1.0]),
+        direction=float(rng.choice([-1.0, 1.0])),
         position_mm=rng.uniform(15.0, 55.0),
         minutes=rng.uniform(0.0, 20.0),
         first_sample=int(rng.integers(-10_000, 10_000)),

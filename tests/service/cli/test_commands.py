@@ -38,7 +38,7 @@ def lines(result: Any) -> list[dict[str, Any]]:
 
 def command(*args: object) -> list[str]:
     main = "from frictus_service.cli import main; main()"
-    return [sys.executable, "-c", main, *map(str, args)]
+    return [sys.executable, "-P", "-c", main, *map(str, args)]  # as the script: not from here
 
 
 def test_a_rig_at_another_site_is_named_as_options_name_it(rig: Any, router: str) -> None:

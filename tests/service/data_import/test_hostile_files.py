@@ -130,12 +130,14 @@ def test_objects_in_a_matlab_file_and_two_variables_of_one_name(tmp_path: Path) 
     """A saved workspace holds a session of NI-DAQ or two, which are no arrays."""
     path = tmp_path / "workspace.mat"
     savemat(path, {"reference": 1.0})
-    names = b"".join(element(1, name) for name in (b"s", b"MCOS", b"daq.Session"))
-    opaque = element(6, struct.pack("<II", 17, 0))
-    session = element(14, opaque + names + path.read_bytes()[128:])
+    opaque, value = element(6, struct.pack("<II", 17, 0)), path.read_bytes()[128:]
+    session, other = (
+        element(14, opaque + b"".join(element(1, each) for each in names) + value)
+        for names in ((b"s", b"MCOS", b"daq.Session"), (b"t", b"MCOS", b"daq.Session"))
+    )
     savemat(path, {"out": np.arange(5.0), "sr": 1000.0})
     saved = path.read_bytes()
-    path.write_bytes(saved + session + session)
+    path.write_bytes(saved + session + other)
     assert [column.name for column in read_columns(path).columns] == ["out"]
     np.testing.assert_array_equal(read_impacts(path).samples, np.arange(5.0))
     path.write_bytes(saved[:128] + session)

@@ -19,8 +19,8 @@ HZ = np.geomspace(30.0, 3000.0, 25)
 
 def law(hz: FloatArray) -> ComplexArray:
     """Return 0.4 N, 850 Hz, 120 µs."""
-    found: ComplexArray = 0.4 / (1.0 + 1j * hz / 850.0) * np.exp(-2j * np.pi * hz * 120e-6)
-    return found
+    found = 0.4 / (1.0 + 1j * hz / 850.0) * np.exp(-2j * np.pi * hz * 120e-6)
+    return np.asarray(found, np.complex128)
 
 
 def test_without_noise_the_law_is_found() -> None:

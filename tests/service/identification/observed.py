@@ -56,10 +56,8 @@ def friction(finger: Finger, tone: FloatArray, speed: FloatArray) -> NDArray[np.
     """Return the true response."""
     cutoff = finger.cutoff_0_hz + finger.slope * np.clip(speed, *finger.law_mm_s)
     s = 2j * np.pi * tone
-    response: NDArray[np.complex128] = (
-        finger.gain_n / (1.0 + s / (2.0 * np.pi * cutoff)) * np.exp(-s * finger.delay_s)
-    )
-    return response
+    low_pass = finger.gain_n / (1.0 + s / (2.0 * np.pi * cutoff))
+    return np.asarray(low_pass * np.exp(-s * finger.delay_s), np.complex128)
 
 
 def mobility(finger: Finger, tone: FloatArray, speed: FloatArray) -> NDArray[np.complex128]:

@@ -126,7 +126,8 @@ def test_mobility_is_compared_with_mobility_only(publish: Publish, model: MakeMo
 
 
 def read_mat(content: bytes) -> dict[str, Any]:
-    read: dict[str, Any] = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]
+    file: Any = io.BytesIO(content)  # the types of some versions of scipy know paths alone
+    read: dict[str, Any] = loadmat(file, simplify_cells=True)
     return read
 
 

@@ -46,8 +46,8 @@ def test_gain_and_delay_are_found_within_their_intervals(rng: np.random.Generato
         assert found.delay_samples == pytest.approx(delay, abs=0.05)
         assert found.residual_v == pytest.approx(0.5, rel=0.05)
         hits += [
-            abs(found.gain - gain) <= found.gain_half,
-            abs(found.delay_samples - delay) <= found.delay_half,
+            float(abs(found.gain - gain) <= found.gain_half),
+            float(abs(found.delay_samples - delay) <= found.delay_half),
         ]
     assert np.all(hits >= 13)  # of 20 at 95 %; fewer come once in 10^5
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tests.service.synthesis.test_estimator import assert_continuous
 
 from frictus.recordings import texture_of
-from frictus_hardware.arrays import FloatArray
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
@@ -58,7 +58,9 @@ class Strokes:
     def played_at(self) -> NDArray[np.intp]:
         return self.lead_samples + BLOCK_SAMPLES * np.arange(len(self.steps))
 
-    def errors(self, from_s: float = 1.0, until_s: float = np.inf) -> tuple[FloatArray, ...]:
+    def errors(
+        self, from_s: float = 1.0, until_s: float = np.inf
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the error of rendered position and speed in contact, and where turns are."""
         at = self.played_at
         kept = (at < self.position_mm.shape[0]) & (at >= from_s * RATE) & (at < until_s * RATE)

@@ -64,7 +64,7 @@ def drives(
     asked = []
     for way in range(n_ways):
         speed = rng.uniform(0.0, (FASTEST, 20.0)[way % 2])
-        angle = rng.choice([0.0, np.pi, rng.uniform(0.0, 2.0 * np.pi)])
+        angle = float(rng.choice([0.0, np.pi, rng.uniform(0.0, 2.0 * np.pi)]))
         x, y = rng.uniform(-1.0, 71.0), rng.uniform(-1.0, 36.0)
         first = int(rng.integers(0, 10**7))
         friction = friction_along(scene, straight(x, y, speed, angle), 301, first)

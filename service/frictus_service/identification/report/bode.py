@@ -97,7 +97,7 @@ def bode(
     figure.subplots_adjust(
         left=0.75 / figure.get_figwidth(), right=1.0 - 0.6 / figure.get_figwidth(), **MARGINS
     )
-    last = int(min(points.sweep.max(), MOST_SHOWN - 1))
+    last = min(int(points.sweep.max()), MOST_SHOWN - 1)
     norm = BoundaryNorm(np.arange(-0.5, last + 1.5), ORDER.N)
     tones = np.geomspace(points.tone_hz.min(), points.tone_hz.max(), _FINE)
     for panel, column in zip(panels, axes.T, strict=True):

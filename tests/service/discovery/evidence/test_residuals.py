@@ -145,8 +145,8 @@ def test_few_readings_share_the_scatter_of_their_kind(rng: np.random.Generator) 
     part = np.repeat([TONES, TONES + 1, TONES + 2], [n, 100, 100])
     none = np.zeros(0, dtype=np.int64)
     layout = Layout(none, none, none, none, np.ones(part.size, dtype=np.bool_), part, 0)
-    readings = np.where(part == TONES, 5.0, 0.1) * rng.choice([-1.0, 1.0], part.size)
-    (found,) = scatters([layout], [readings])
+    signs: FloatArray = rng.choice(np.array([-1.0, 1.0]), part.size)
+    (found,) = scatters([layout], [np.where(part == TONES, 5.0, 0.1) * signs])
     np.testing.assert_allclose(found, 0.1 / 0.6745)
 
 

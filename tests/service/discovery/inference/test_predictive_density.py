@@ -35,7 +35,7 @@ def test_gains_of_other_people_lie_where_they_are_predicted(
         interval = study.interval_of_another(PEOPLE, rng)
         assert interval is not None
         low, high = interval
-        inside += low <= study.of_fresh(people(rng, mean, k)).sum() <= high
+        inside += bool(low <= study.of_fresh(people(rng, mean, k)).sum() <= high)
     least = stats.binom.ppf(0.001, STUDIES, 0.90)
     most = stats.binom.ppf(0.999, STUDIES, 0.98)
     assert least <= inside <= most

@@ -88,7 +88,10 @@ def test_wandering_force_is_kept_out(seconds: float, rng: np.random.Generator) -
         frequency = rng.uniform(0.1, 2.0, 6)
         phase = rng.uniform(0.0, 2.0 * np.pi, 6)
         wander = np.sin(2.0 * np.pi * np.multiply.outer(time, frequency) + phase).sum(axis=1)
-        found = fitted(waves(true, (tone,), count) + 0.3 + 0.03 * wander, (tone,))
+        found = fitted(
+            waves(np.asarray(true, np.complex128), (tone,), count) + 0.3 + 0.03 * wander,
+            (tone,),
+        )
         assert abs(found.amplitude[0, 0] / true[0] - 1.0) < 2e-3
 
 
