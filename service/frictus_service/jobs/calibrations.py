@@ -1,26 +1,35 @@
 """The calibrations of one site: one on a rig at a time, kept by the registry."""
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.config import Config
 from frictus_service.errors import (
     CalibrationStateError,
+    JobElsewhereError,
     RegistryUnavailableError,
     RigBusyError,
 )
+from frictus_service.job_folder import ACTIVE, State
+from frictus_service.job_locks import hold, let_go
 from frictus_service.jobs.engine import JobEngine, RigUse
 from frictus_service.jobs.process import ParentLink, RigAccount, Work
 from frictus_service.registry.documents import Calibration, Published
 
 if TYPE_CHECKING:
+    from frictus_service.registry.calibrations import Calibrations
     from frictus_service.registry.database import Once
     from frictus_service.registry.store import Registry
 
 CALIBRATE: Final = "frictus_service.calibration.run:run_calibration"
 AT_ONCE: Final = 64
+HELD: Final = "calibrations"
+"""Of what other kinds of jobs have a folder: here it names the locks alone."""
+_LOG: Final = logging.getLogger(__name__)
 
 
 class CalibrationWork(Work):
@@ -36,6 +45,86 @@ class CalibrationWork(Work):
             given = (self.spec, self.folder, client, self.site)
             result: CalibrationResult = run(*given, parent.report, parent.cancelled)
         return result
+
+
+class HeldCalibrations:
+    """The calibrations of a registry, of which each API process changes its own alone.
+
+    Which one is said by who holds it (`job_locks`), as for jobs that are kept in folders.
+
+    Parameters
+    ----------
+    kept : Calibrations
+        Of the registry.
+    studies : Path
+        Folder of studies: where trials are kept, and so where one is held.
+    """
+
+    def __init__(self, kept: "Calibrations", studies: Path) -> None:
+        self._kept = kept
+        self._root = studies.absolute() / HELD
+
+    def get(self, job: str) -> Calibration:
+        """Return a calibration."""
+        return self._kept.get(job)
+
+    def state(self, job: str) -> State:
+        """Return in which state a calibration is."""
+        return self._kept.state(job)
+
+    def hold(self, job: str) -> bool:
+        """Return whether a calibration is this process's now; False where another runs it."""
+        with suppress(OSError):  # then nothing is held there, and no trial kept either
+            self._root.parent.mkdir(parents=True, exist_ok=True)
+        return hold(self._root, job)
+
+    def change(
+        self,
+        job: str,
+        to: State,
+        *,
+        of: Sequence[State],
+        result: CalibrationResult | None = None,
+        failure: str | None = None,
+    ) -> Calibration:
+        """Put a calibration into another state, and return it.
+
+        Raises
+        ------
+        UnknownCalibrationError, CalibrationStateError, RigBusyError
+        JobElsewhereError
+            If another process runs it.
+        """
+        if self._kept.state(job) in of and not self.hold(job):
+            raise JobElsewhereError(
+                f"calibration {job} is run by another API that works in the same folder: "
+                "ask that one, or end it"
+            )
+        try:
+            changed = self._kept.change(job, to, of=of, result=result, failure=failure)
+        except (CalibrationStateError, RigBusyError):
+            let_go(self._root, job)
+            raise
+        if to not in ACTIVE:
+            let_go(self._root, job)
+        return changed
+
+    def interrupt(self, site: str) -> None:
+        """Note that what ran at a site runs no more, but for what another API runs."""
+
+        def is_left(job: str) -> bool:
+            if held := self.hold(job):
+                taken.append(job)
+            else:
+                _LOG.warning("calibration %s is run by another API: it goes on", job)
+            return held
+
+        taken: list[str] = []
+        try:
+            self._kept.interrupt(site, is_left)
+        finally:
+            for job in taken:
+                let_go(self._root, job)
 
 
 class CalibrationEngine(JobEngine[Calibration]):
@@ -63,7 +152,8 @@ class CalibrationEngine(JobEngine[Calibration]):
         self._config, self._registry, self._use, self._run = config, registry, use, run
         use.checks.append(self.require_free)
         self.store = registry.calibrations
-        super().__init__(self.store, self._interrupt_left, AT_ONCE)
+        self._held = HeldCalibrations(self.store, config.studies)
+        super().__init__(self._held, self._interrupt_left, AT_ONCE)
 
     def start(self, spec: CalibrationSpec, *, by: str, once: "Once | None") -> Calibration:
         """Start a calibration; return it as it was queued.
@@ -98,6 +188,7 @@ class CalibrationEngine(JobEngine[Calibration]):
             site = self._config.site
             calibration, is_new = self.store.create(spec, site=site, by=by, once=once)
             if is_new:
+                self._held.hold(calibration.id)
                 self._launch(calibration)
         return calibration
 
@@ -173,7 +264,7 @@ class CalibrationEngine(JobEngine[Calibration]):
 
     def _interrupt_left(self) -> None:
         if self._registry.database.exists:  # or nothing was ever calibrated
-            self.store.interrupt(self._config.site)
+            self._held.interrupt(self._config.site)
 
     def _work(self, job: Calibration) -> CalibrationWork:
         return CalibrationWork(

@@ -3,7 +3,7 @@
 import json
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -233,23 +233,29 @@ class Calibrations:
                 raise CalibrationStateError(f"calibration {calibration} does not run")
             _tell(connection, calibration, now_ns, "progress", told)
 
-    def interrupt(self, site: str) -> list[str]:
-        """Note that whatever ran at a site runs no more; return the calibrations' ids.
+    def interrupt(
+        self, site: str, is_left: Callable[[str], bool] = lambda _calibration: True
+    ) -> list[str]:
+        """Note that what ran at a site runs no more; return the calibrations' ids.
 
         Parameters
         ----------
         site : str
             Whose process ended without a word.
+        is_left : callable
+            Told the id of each that runs or waits: whether nobody runs it.
         """
         now_ns = time.time_ns()
         here = (calibrations.c.site == site) & calibrations.c.state.in_(ACTIVE)
         with self._database.read() as connection:  # a registry that is read-only is read
-            if connection.execute(select(calibrations.c.id).where(here)).first() is None:
-                return []
+            active = connection.execute(select(calibrations.c.id).where(here)).scalars().all()
+        left = [calibration for calibration in active if is_left(calibration)]
+        if not left:
+            return []
         with self._database.write() as connection:
             ended = connection.execute(
                 update(calibrations)
-                .where(here)
+                .where(here, calibrations.c.id.in_(left))
                 .values(state="interrupted", updated_utc_ns=now_ns)
                 .returning(calibrations.c.id)
             )

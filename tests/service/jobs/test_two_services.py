@@ -6,10 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from frictus_service.calibration.job import CalibrationSpec
+from frictus_service.config import Config, RegistryConfig
 from frictus_service.discovery.jobs import DiscoverySpec, DiscoveryStore
-from frictus_service.errors import JobElsewhereError
+from frictus_service.errors import CalibrationStateError, JobElsewhereError
 from frictus_service.job_folder import ACTIVE
 from frictus_service.job_locks import hold, let_go
+from frictus_service.jobs.calibrations import CalibrationEngine, HeldCalibrations
+from frictus_service.jobs.engine import RigUse
+from frictus_service.registry.store import Registry
 
 STUDY = "visit1.h5"
 MANY = 3_000
@@ -26,6 +31,64 @@ if sys.stdin.readline():
     print("done", flush=True)
     sys.stdin.readline()
 """
+CALIBRATES = """
+import sys
+from pathlib import Path
+from frictus_service.jobs.calibrations import HeldCalibrations
+from frictus_service.registry.store import Registry
+with Registry(sys.argv[2]) as registry:
+    held = HeldCalibrations(registry.calibrations, Path(sys.argv[1]))
+    held.change(sys.argv[3], "running", of=("queued",))
+    print("runs", flush=True)
+    if sys.stdin.readline():
+        held.change(sys.argv[3], "cancelled", of=("running",))
+        print("ended", flush=True)
+        sys.stdin.readline()
+"""
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_a_calibration_is_its_service_s_until_that_ends_or_the_calibration_does(
+    killed: bool, tmp_path: Path
+) -> None:
+    """Whoever started next made it interrupted while it ran; resumed, it ran twice at once."""
+    url = f"sqlite:///{(tmp_path / 'frictus.db').as_posix()}"
+    config = Config(studies=tmp_path / "studies", registry=RegistryConfig(url=url))
+    with Registry(url) as registry:
+        kept = registry.calibrations
+        spec = CalibrationSpec(rig="rig1", participant="P01", seed=7)
+        job = kept.create(spec, site="lab", by="ann")[0].id
+        other = subprocess.Popen(
+            [sys.executable, "-c", CALIBRATES, str(config.studies), url, job],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        with other:
+            assert other.stdin is not None
+            assert other.stdout is not None
+            assert other.stdout.readline() == "runs\n"
+            engine = CalibrationEngine(config, registry, RigUse())
+            assert engine.get(job).state == "running"
+            with pytest.raises(JobElsewhereError, match=f"{job} is run by another API"):
+                engine.cancel(job)
+            with pytest.raises(CalibrationStateError, match="is running"):
+                engine.resume(job)
+            if killed:
+                other.kill()
+                other.wait()
+                HeldCalibrations(kept, config.studies).interrupt("lab")
+                assert engine.get(job).state == "interrupted"
+                assert engine.cancel(job).state == "cancelled"
+            else:
+                other.stdin.write("\n")
+                other.stdin.flush()
+                assert other.stdout.readline() == "ended\n"
+                assert engine.get(job).state == "cancelled"
+                with pytest.raises(CalibrationStateError, match="is cancelled"):
+                    engine.cancel(job)
+                other.kill()
+            engine.close()
 
 
 @pytest.mark.parametrize("killed", [True, False])
