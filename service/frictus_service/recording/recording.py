@@ -177,6 +177,10 @@ def _came(topic: Topic, arrival: Arrival) -> list[_Came]:
 
 BEAT_S: Final = 0.05
 """The network's queues are emptied this often."""
+STOOD_STILL_S: Final = 0.5
+"""A recorder that was not run for so long, as on a machine that slept, has missed blocks."""
+CATCH_UP_S: Final = 0.5
+"""After which it knows what it has missed: a gap is told by the block that follows it."""
 GONE_S: Final = 60.0
 """A rig that has vanished may come back within this time, as one that is started again does;
 then the recording ends."""
@@ -243,7 +247,8 @@ class RecordingSession:
         self._writer = RecordingWriter(
             path, self._info(rig, request), _attachments(rig, config), time.monotonic
         )
-        self._begun_s = self._end_s = time.monotonic()
+        self._begun_s = self._end_s = self._beaten_s = time.monotonic()
+        self._caught_up_s = self._begun_s
         self._intake = Intake(client.session, rig.keys)
         self._presence = client.presence(rig.site)
 
@@ -272,6 +277,7 @@ class RecordingSession:
         """
         if self._ended:
             return
+        self._note_beat()
         if not self._writer.in_place:
             self.end("its file was taken away")
             return
@@ -294,7 +300,11 @@ class RecordingSession:
         if self._ended:
             return
         astray = None if self._writer.in_place else ASTRAY.format(self.path)
+        self._note_beat()
         with self._finished_by_failure():
+            while time.monotonic() < self._caught_up_s:
+                self._intake.drain_into(self._writer, self._utc_ns())
+                time.sleep(BEAT_S)
             self._intake.drain_into(self._writer, self._utc_ns())
             self._writer.end(reason, self._utc_ns(), time.monotonic() - self._begun_s)
             self._finish(astray)
@@ -313,6 +323,12 @@ class RecordingSession:
             lost_blocks=self._intake.lost_blocks,
             problem=self.problem,
         )
+
+    def _note_beat(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._beaten_s > STOOD_STILL_S:
+            self._caught_up_s = now_s + CATCH_UP_S
+        self._beaten_s = now_s
 
     def _follow_presence(self) -> None:
         for change in self._presence.drain():

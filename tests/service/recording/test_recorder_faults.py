@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from frictus_service.recording.summary import length_s, shelf_entry
 posix_signals = pytest.mark.skipif(
     sys.platform == "win32", reason="Windows has no SIGKILL for others"
 )
+SLEPT_S = 3.0
 HUGE = 10**400
 HOSTILE_FIELDS: list[dict[str, Any]] = [
     {"utc_ns": HUGE},
@@ -147,6 +149,33 @@ def test_killed_recorder_is_started_again_and_says_what_it_left(
     assert summary.faults == ()
     rig.record("after-the-kill")
     assert rig.end_recording().problem is None
+
+
+@posix_signals
+def test_what_was_missed_just_before_the_end_is_told(
+    service: Service, rig: frictus.Rig, tmp_path: Path
+) -> None:
+    """A machine that slept until the end told of no gap: no block had followed it yet."""
+    path = tmp_path / "slept.mcap"
+    at = ["--router", service.config.router.endpoint, "--rig", rig.name, "--out", str(path)]
+    command = [sys.executable, "-c", "from frictus_service.cli import main; main()", "record"]
+    with subprocess.Popen(
+        [*command, *at, "--seconds", "2"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL
+    ) as recorder:
+        assert recorder.stderr is not None
+        assert b"records" in recorder.stderr.readline()
+        time.sleep(1.0)
+        recorder.send_signal(signal.SIGSTOP)
+        time.sleep(SLEPT_S)
+        recorder.send_signal(signal.SIGCONT)
+        assert recorder.wait() == 0
+    summary = summary_of(path)
+    assert summary.sound
+    assert summary.end is not None
+    assert summary.end.seconds is not None
+    force = summary.streams["force"]
+    told_s = force.seconds * (1.0 + force.lost_samples / force.samples)
+    assert told_s == pytest.approx(summary.end.seconds, abs=0.5)
 
 
 def test_a_clock_that_is_set_makes_no_recording_longer(
