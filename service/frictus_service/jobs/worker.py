@@ -38,6 +38,8 @@ def main() -> None:
     """Do the work."""
     quiet_numerics()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started us
+    if sys.platform != "win32":
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as is the end of a terminal
     output = _take_output()
     line, rest = _read_line()
     if not line:

@@ -359,10 +359,11 @@ def _wait_for_the_end(told: "Connection[Any, Any]", stop: threading.Event) -> No
 
 
 def _leave_interrupts_to_the_supervisor(stop: threading.Event) -> None:
-    # Ctrl-C reaches every process of a terminal; only the supervisor acts on it, so that the
-    # parts end in order.
+    # Ctrl-C, and the end of a terminal, reach every process of it; only the supervisor acts on
+    # them, so that the parts end in order: a rig that is killed leaves its device driven.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "win32":
         signal.signal(signal.SIGBREAK, signal.SIG_IGN)
     else:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, lambda _number, _frame: stop.set())

@@ -1,13 +1,15 @@
 """Runs a supervisor until it is interrupted."""
 
+import contextlib
 import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from types import FrameType
 
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import PartName, ServiceManager
-from frictus_service.daemon.processes.supervisor import ALL, Supervisor, to_stderr
+from frictus_service.daemon.processes.supervisor import ALL, ASK_S, Supervisor, to_stderr
 
 
 def serve(
@@ -17,9 +19,10 @@ def serve(
     say: Callable[[str], None] = to_stderr,
     is_over: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Run the service until Ctrl-C, SIGTERM or, on Windows, Ctrl-Break; then stop cleanly.
+    """Run the service until it is told to end; then stop cleanly.
 
-    Call it from the main thread.
+    Ctrl-C, SIGTERM, a terminal that closes and, on Windows, Ctrl-Break tell it, also while its
+    parts start. Call it from the main thread.
 
     Parameters
     ----------
@@ -41,21 +44,25 @@ def serve(
     manager = ServiceManager()
 
     def say_and_show(line: str) -> None:
-        say(line)
+        with contextlib.suppress(OSError):  # the terminal is gone: the parts end in order
+            say(line)
         manager.status(line)
 
     names = ("SIGINT", "SIGTERM", "SIGBREAK")
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)  # else nohup holds it off
     former = {number: signal.signal(number, on_signal) for number in numbers}
     try:
         with Supervisor(
             config, parts, host_router, say_and_show, manager.keep_alive
         ) as supervisor:
-            supervisor.wait_ready()
-            manager.ready()
-            say_and_show("ready; Ctrl-C stops")
+            supervisor.wait_ready(is_over=lambda: bool(told))
+            if not told:
+                manager.ready()
+                say_and_show("ready; Ctrl-C stops")
             while not (told or is_over()):
-                time.sleep(0.1)  # Windows sees Ctrl-C only between waits
+                time.sleep(ASK_S)
             manager.stopping()
             say_and_show("stopping: the output ramps to zero" if "rig" in parts else "stopping")
     finally:

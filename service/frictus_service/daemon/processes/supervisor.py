@@ -47,6 +47,8 @@ LONGEST_PAUSE_S: Final = 10.0
 """A part that keeps ending is started again ever more rarely."""
 SOUND_S: Final = 60.0
 """A part that has run so long starts with the shortest pause again."""
+ASK_S: Final = 0.1
+"""Windows sees Ctrl-C only between waits."""
 
 
 def to_stderr(line: str) -> None:
@@ -98,7 +100,10 @@ class Supervisor:
         return int(self._parts[name].process.pid)
 
     def wait_ready(
-        self, patience_s: float = PATIENCE_S, names: Sequence[PartName] = ALL
+        self,
+        patience_s: float = PATIENCE_S,
+        names: Sequence[PartName] = ALL,
+        is_over: Callable[[], bool] = lambda: False,
     ) -> None:
         """Wait until parts are ready, for as long as those that are not get on.
 
@@ -108,6 +113,8 @@ class Supervisor:
             For how long a part may stand still before its start has failed.
         names : sequence of str
             Which parts; those that this supervisor does not run are not waited for.
+        is_over : callable
+            Asked ten times a second; True ends the wait, whoever is ready.
 
         Raises
         ------
@@ -115,7 +122,7 @@ class Supervisor:
             If a part cannot start, with its reason, or stands still.
         """
         with self._changed:
-            while True:
+            while not is_over():
                 waiting = [
                     part
                     for part in self._parts.values()
@@ -131,7 +138,7 @@ class Supervisor:
                     part for part in waiting if part.starts or part.name not in STARTS_AFTER
                 ]
                 if not begun:
-                    self._changed.wait(patience_s)
+                    self._changed.wait(ASK_S)
                     continue
                 stillest = min(begun, key=lambda part: part.progress.left_s(patience_s))
                 left_s = stillest.progress.left_s(patience_s)
@@ -141,7 +148,7 @@ class Supervisor:
                         f"{stillest.progress.step}: start again, what was compiled is kept; "
                         "`frictus doctor` says what this machine lacks"
                     )
-                self._changed.wait(left_s)
+                self._changed.wait(min(left_s, ASK_S))
 
     def __enter__(self) -> Self:
         """Open the router and start the parts.
