@@ -41,6 +41,10 @@ class ClosedError(HardwareError, RuntimeError):
     """The backend is not open."""
 
 
+class BackendError(HardwareError, RuntimeError):
+    """A backend returned what none may; nothing of the block is used."""
+
+
 class TransientError(HardwareError, TimeoutError):
     """A read or write that may be tried again within the lead."""
 

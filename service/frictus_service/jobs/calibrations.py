@@ -111,6 +111,7 @@ class HeldCalibrations:
 
     def interrupt(self, site: str) -> None:
         """Note that what ran at a site runs no more, but for what another API runs."""
+        taken: list[str] = []
 
         def is_left(job: str) -> bool:
             if held := self.hold(job):
@@ -119,7 +120,6 @@ class HeldCalibrations:
                 _LOG.warning("calibration %s is run by another API: it goes on", job)
             return held
 
-        taken: list[str] = []
         try:
             self._kept.interrupt(site, is_left)
         finally:

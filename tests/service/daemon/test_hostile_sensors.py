@@ -152,3 +152,30 @@ def test_a_state_of_the_finger_that_is_not_finite_is_not_published(
     told(bench, lying(force_n__2=math.nan))
     turn = bench.turn(0.05)[-1]
     assert finger_of(turn, Stamp(10**18, 0), bench.rig.info) is None
+
+
+MISSHAPEN: Final[dict[str, Lie]] = {
+    "fewer forces": lambda e: replace(e, force_n=e.force_n[:50]),
+    "forces by axis": lambda e: replace(e, force_n=e.force_n.T),
+    "accelerations by axis": lambda e: replace(e, accel_m_s2=e.accel_m_s2.T),
+    "more of the monitor": lambda e: replace(e, voltage_v=np.tile(e.voltage_v, 2)),
+    "an output that is no number": lambda e: replace(e, applied_v=e.applied_v * math.nan),
+}
+
+
+@pytest.mark.parametrize("lie", MISSHAPEN.values(), ids=MISSHAPEN)
+def test_a_backend_that_returns_what_none_may_is_told_and_its_screen_goes_to_zero(
+    make_bench: MakeBench, texture: Scene, lie: Lie
+) -> None:
+    bench = make_bench()
+    driven(bench, texture)
+    told(bench, lie)
+    bench.loop.turn()
+    safety = bench.interlock.state
+    assert safety.state == "tripped"
+    assert safety.fault is not None
+    assert safety.fault[0] == "internal"
+    assert "the backend simulated returned" in safety.fault[1]
+    told(bench, None)
+    bench.turn(0.1)
+    assert not bench.voltage_v()[-100:].any()

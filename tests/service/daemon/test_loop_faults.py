@@ -103,7 +103,7 @@ def test_transient_errors_are_tried_again(make_bench: Any, texture: Scene) -> No
 def test_errors_beyond_the_lead_lose_the_stream(make_bench: Any) -> None:
     class Failing:
         def __init__(self, inner: Any) -> None:
-            self.info = inner.info
+            self.info, self.next_play_sample = inner.info, inner.next_play_sample
 
         def exchange(self, drive_v: FloatArray) -> Exchange:
             raise TransientError("no answer")

@@ -1,5 +1,7 @@
 """The lead of the output: transient errors are retried within it, underruns make it longer.
 
+A backend may be a laboratory's own: what it returns is looked at before anything reads it.
+
 It grows at the next arming, never while there is output. A lead that is too short for the
 machine interrupts the texture again and again; one that is longer than needed renders the
 finger where it no longer is. So it begins short, and grows by what was missing.
@@ -10,10 +12,11 @@ from collections.abc import Callable
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange, GrowingLead, Opened, RigInfo
 from frictus_hardware.errors import ConfigError, StreamLostError, TransientError
+from frictus_hardware.promises import as_promised
 
 
 class RetryingBackend(Opened):
-    """Passes blocks on to a backend and repeats those it could not take at once.
+    """Passes blocks on to a backend, repeats those it could not take, holds it to its promises.
 
     The same block is offered again: rendering it anew would tear the finger's motion and the
     cross-fades, which have moved on.
@@ -71,6 +74,8 @@ class RetryingBackend(Opened):
 
         Raises
         ------
+        BackendError
+            If what the backend returns is not an exchange as promised.
         StreamLostError
             If it still fails when the lead is used up; or what the backend raises otherwise.
         """
@@ -78,7 +83,9 @@ class RetryingBackend(Opened):
         tries = 0
         while True:
             try:
-                return self.inner.exchange(drive_v)
+                play_sample = self.inner.next_play_sample
+                exchange = self.inner.exchange(drive_v)
+                return as_promised(exchange, drive_v.size, play_sample, self.inner.info)
             except TransientError as error:
                 self.retries += 1
                 tries += 1
