@@ -131,7 +131,7 @@ def judged(
 
 def lost(test: str, samples: int) -> Outcome:
     """Return the outcome of a test that cannot be judged for want of samples."""
-    return Outcome(test, "fail", f"{samples} samples were lost", "see step latency")
+    return Outcome(test, "fail", f"{samples} samples did not get out or in", "see step latency")
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
