@@ -88,7 +88,9 @@ class TouchReport:
     Attributes
     ----------
     measured_sample : float
-        Device sample index at which the finger was there: arrival less the declared latency.
+        Device sample index at which the finger was there: by the sensor's own clock where it
+        has one, else arrival less the declared latency. Where it scatters by more than 1 ms,
+        the tracker finds no speed in many windows (`docs/tracking.md`).
     x_mm, y_mm : float
         Position on the screen.
     in_contact : bool
