@@ -24,7 +24,6 @@ COUNTS: Final = (
     "overrun_samples",
     "saturated_samples",
 )
-SENSED: Final = ("force_n", "accel_m_s2", "voltage_v", "applied_v")
 NUMBERS: Final = (int, float, np.integer, np.floating)
 
 

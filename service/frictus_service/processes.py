@@ -1,7 +1,9 @@
 """What the processes share: signals, heartbeat, priorities, garbage, warnings, free ports."""
 
 import gc
+import signal
 import socket
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -49,6 +51,41 @@ class Heartbeat(Protocol):
     """A number in shared memory, written by the loop alone; 0 says that nobody need watch."""
 
     value: int
+
+
+def _of_the_terminal() -> list[int]:
+    """Return the signals that reach every process of a terminal, of those this system has."""
+    names = ("SIGINT", "SIGBREAK", "SIGHUP")
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
+
+
+@contextmanager
+def interruption() -> Iterator[list[int]]:
+    """Give a list that whatever tells a process to end fills, and ends nothing else.
+
+    That is Ctrl-C, SIGTERM, a terminal that closes (unless `nohup` holds it off) and, on
+    Windows, Ctrl-Break. A list, and no Event: its lock may be held by whom the signal
+    interrupts. Call it from the main thread.
+    """
+    told: list[int] = []
+    numbers = [signal.SIGTERM, *_of_the_terminal()]
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        numbers.remove(signal.SIGHUP)
+    former = {
+        number: signal.signal(number, lambda number, _frame: told.append(number))
+        for number in numbers
+    }
+    try:
+        yield told
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def leave_interrupts_to_the_parent() -> None:
+    """Ignore what reaches every process of a terminal: whoever started this one acts on it."""
+    for number in _of_the_terminal():
+        signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager

@@ -109,22 +109,25 @@ class HeldCalibrations:
             let_go(self._root, job)
         return changed
 
-    def interrupt(self, site: str) -> None:
-        """Note that what ran at a site runs no more, but for what another API runs."""
-        taken: list[str] = []
+    def interrupt(self, site: str) -> list[str]:
+        """Note that what ran at a site runs no more, but for what another API runs.
 
-        def is_left(job: str) -> bool:
-            if held := self.hold(job):
-                taken.append(job)
-            else:
-                _LOG.warning("calibration %s is run by another API: it goes on", job)
-            return held
+        Returns
+        -------
+        list of str
+            Ids of what was interrupted.
+        """
+        return [job for job in self._kept.active_at(site) if self._is_interrupted(job)]
 
+    def _is_interrupted(self, job: str) -> bool:
         try:
-            self._kept.interrupt(site, is_left)
-        finally:
-            for job in taken:
-                let_go(self._root, job)
+            self.change(job, "interrupted", of=ACTIVE)
+        except JobElsewhereError as error:
+            _LOG.warning("%s", error)
+            return False
+        except CalibrationStateError:
+            return False  # it has ended meanwhile
+        return True
 
 
 class CalibrationEngine(JobEngine[Calibration]):

@@ -8,7 +8,6 @@ gone: then it stops, its rig disarmed.
 import importlib
 import os
 import queue
-import signal
 import sys
 import threading
 import traceback
@@ -26,7 +25,7 @@ from frictus_service.errors import (
     ServiceError,
 )
 from frictus_service.jobs.process import ParentLink, Word, Work
-from frictus_service.processes import quiet_numerics
+from frictus_service.processes import leave_interrupts_to_the_parent, quiet_numerics
 
 STILL_S: Final = 3.0
 """Whoever started us and takes nothing for so long stands still, and cannot end us."""
@@ -37,9 +36,7 @@ GRACE_S: Final = 3.0
 def main() -> None:
     """Do the work."""
     quiet_numerics()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started us
-    if sys.platform != "win32":
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as is the end of a terminal
+    leave_interrupts_to_the_parent()
     output = _take_output()
     line, rest = _read_line()
     if not line:

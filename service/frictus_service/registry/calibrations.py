@@ -3,7 +3,7 @@
 import json
 import secrets
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -167,6 +167,12 @@ class Calibrations:
             row = connection.execute(query).one_or_none()
         return None if row is None else _calibration(row)
 
+    def active_at(self, site: str) -> list[str]:
+        """Return the ids of the calibrations of a site that are queued or run."""
+        here = (calibrations.c.site == site) & calibrations.c.state.in_(ACTIVE)
+        with self._database.read() as connection:
+            return list(connection.execute(select(calibrations.c.id).where(here)).scalars())
+
     def change(
         self,
         calibration: str,
@@ -232,37 +238,6 @@ class Calibrations:
             if kept.rowcount != 1:
                 raise CalibrationStateError(f"calibration {calibration} does not run")
             _tell(connection, calibration, now_ns, "progress", told)
-
-    def interrupt(
-        self, site: str, is_left: Callable[[str], bool] = lambda _calibration: True
-    ) -> list[str]:
-        """Note that what ran at a site runs no more; return the calibrations' ids.
-
-        Parameters
-        ----------
-        site : str
-            Whose process ended without a word.
-        is_left : callable
-            Told the id of each that runs or waits: whether nobody runs it.
-        """
-        now_ns = time.time_ns()
-        here = (calibrations.c.site == site) & calibrations.c.state.in_(ACTIVE)
-        with self._database.read() as connection:  # a registry that is read-only is read
-            active = connection.execute(select(calibrations.c.id).where(here)).scalars().all()
-        left = [calibration for calibration in active if is_left(calibration)]
-        if not left:
-            return []
-        with self._database.write() as connection:
-            ended = connection.execute(
-                update(calibrations)
-                .where(here, calibrations.c.id.in_(left))
-                .values(state="interrupted", updated_utc_ns=now_ns)
-                .returning(calibrations.c.id)
-            )
-            ids = [str(row.id) for row in ended]
-            for calibration in ids:
-                _tell(connection, calibration, now_ns, "state", json.dumps("interrupted"))
-        return ids
 
     def events(
         self, calibration: str, after: int, limit: int = 1_000

@@ -2,7 +2,10 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -47,6 +50,17 @@ with Registry(sys.argv[2]) as registry:
 """
 
 
+@contextmanager
+def service(code: str, *given: str) -> Iterator[tuple[subprocess.Popen[str], IO[str], IO[str]]]:
+    """Run another service; give it, its input and its output."""
+    pipe = subprocess.PIPE
+    command = [sys.executable, "-c", code, *given]
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.stdin is not None
+        assert other.stdout is not None
+        yield other, other.stdin, other.stdout
+
+
 @pytest.mark.parametrize("killed", [True, False])
 def test_a_calibration_is_its_service_s_until_that_ends_or_the_calibration_does(
     killed: bool, tmp_path: Path
@@ -58,16 +72,8 @@ def test_a_calibration_is_its_service_s_until_that_ends_or_the_calibration_does(
         kept = registry.calibrations
         spec = CalibrationSpec(rig="rig1", participant="P01", seed=7)
         job = kept.create(spec, site="lab", by="ann")[0].id
-        other = subprocess.Popen(
-            [sys.executable, "-c", CALIBRATES, str(config.studies), url, job],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        with other:
-            assert other.stdin is not None
-            assert other.stdout is not None
-            assert other.stdout.readline() == "runs\n"
+        with service(CALIBRATES, str(config.studies), url, job) as (other, tell, said):
+            assert said.readline() == "runs\n"
             engine = CalibrationEngine(config, registry, RigUse())
             assert engine.get(job).state == "running"
             with pytest.raises(JobElsewhereError, match=f"{job} is run by another API"):
@@ -81,9 +87,9 @@ def test_a_calibration_is_its_service_s_until_that_ends_or_the_calibration_does(
                 assert engine.get(job).state == "interrupted"
                 assert engine.cancel(job).state == "cancelled"
             else:
-                other.stdin.write("\n")
-                other.stdin.flush()
-                assert other.stdout.readline() == "ended\n"
+                tell.write("\n")
+                tell.flush()
+                assert said.readline() == "ended\n"
                 assert engine.get(job).state == "cancelled"
                 with pytest.raises(CalibrationStateError, match="is cancelled"):
                     engine.cancel(job)
@@ -98,16 +104,8 @@ def test_a_job_is_its_service_s_until_that_ends_or_the_job_does(
     """It was noted as interrupted by whoever started next, and its result was lost."""
     (tmp_path / STUDY).touch()
     store = DiscoveryStore(tmp_path)
-    other = subprocess.Popen(
-        [sys.executable, "-c", QUEUES, str(tmp_path), STUDY],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    with other:
-        assert other.stdin is not None
-        assert other.stdout is not None
-        job = other.stdout.readline().strip()
+    with service(QUEUES, str(tmp_path), STUDY) as (other, tell, said):
+        job = said.readline().strip()
         own = store.create(DiscoverySpec(study=STUDY), "ben").id
         store.interrupt()
         assert (store.state(job), store.state(own)) == ("queued", "interrupted")
@@ -119,9 +117,9 @@ def test_a_job_is_its_service_s_until_that_ends_or_the_job_does(
             store.interrupt()
             assert store.state(job) == "interrupted"
         else:
-            other.stdin.write("\n")
-            other.stdin.flush()
-            assert other.stdout.readline() == "done\n"
+            tell.write("\n")
+            tell.flush()
+            assert said.readline() == "done\n"
             assert store.change(job, "interrupted", of=("done",)).state == "interrupted"
             other.kill()
 

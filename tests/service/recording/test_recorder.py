@@ -25,8 +25,9 @@ from frictus_hardware.replay.rig import ReplayRig
 from frictus_hardware.replay.tape import read_tape
 from frictus_service.api.server import build_app
 from frictus_service.cli.app import app
-from frictus_service.cli.streams.record import interruption, lines_of
+from frictus_service.cli.streams.record import lines_of
 from frictus_service.config import ApiConfig
+from frictus_service.processes import interruption
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import INT16, Samples
 from frictus_service.recording.tape import export_tape

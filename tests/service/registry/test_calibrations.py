@@ -3,6 +3,7 @@
 import json
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from sqlalchemy import text
@@ -17,6 +18,7 @@ from frictus_service.errors import (
     RigBusyError,
     UnknownCalibrationError,
 )
+from frictus_service.jobs.calibrations import HeldCalibrations
 from frictus_service.registry.database import Once
 from frictus_service.registry.store import Registry, earlier_people
 
@@ -119,27 +121,29 @@ def test_of_many_that_start_at_once_one_does(registry: Registry) -> None:
 
 
 def test_where_nothing_ran_nothing_is_written(
-    registry: Registry, monkeypatch: pytest.MonkeyPatch
+    registry: Registry, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     create(registry)
-    registry.calibrations.interrupt("lab")
+    held = HeldCalibrations(registry.calibrations, tmp_path)
+    held.interrupt("lab")
 
     def write() -> None:
         raise RegistryUnavailableError("attempt to write a readonly database")
 
     monkeypatch.setattr(registry.database, "write", write)
-    assert registry.calibrations.interrupt("lab") == []
+    assert held.interrupt("lab") == []
 
 
-def test_what_ran_at_a_site_is_interrupted(registry: Registry) -> None:
+def test_what_ran_at_a_site_is_interrupted(registry: Registry, tmp_path: Path) -> None:
     kept = registry.calibrations
     queued, running = create(registry), create(registry, rig="rig2")
     kept.change(running, "running", of=("queued",))
     over = create(registry, rig="rig3")
     kept.change(over, "cancelled", of=("queued",))
     elsewhere = kept.create(spec(), site="elsewhere", by="ben")[0].id
-    assert sorted(kept.interrupt("lab")) == sorted([queued, running])
-    assert kept.interrupt("lab") == []
+    held = HeldCalibrations(kept, tmp_path)
+    assert sorted(held.interrupt("lab")) == sorted([queued, running])
+    assert held.interrupt("lab") == []
     states = [kept.get(one).state for one in (queued, running, over, elsewhere)]
     assert states == ["interrupted", "interrupted", "cancelled", "queued"]
     assert json.loads(kept.events(running, 0)[-1].data) == "interrupted"

@@ -61,7 +61,7 @@ def run_bridge(
     as_json : bool
         Lines for programs.
     """
-    from frictus_service.cli.streams.record import interruption
+    from frictus_service.processes import interruption
 
     with interruption() as interrupted:
         begun_s = shown_s = due_s = time.monotonic()

@@ -1,10 +1,8 @@
 """`frictus record`, `verify` and `recover`: recordings made, checked and repaired."""
 
-import contextlib
-import signal
 import sys
 import time
-from collections.abc import Iterator, Sized
+from collections.abc import Sized
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -114,6 +112,7 @@ def _record_here(
     as_json: bool,
 ) -> None:
     from frictus_service.errors import NotWrittenError
+    from frictus_service.processes import interruption
     from frictus_service.recording.recording import BEAT_S, RecordingSession
 
     shown_s = 0.0
@@ -136,24 +135,6 @@ def _record_here(
     _tell(state, as_json)
     if state.problem is not None:
         raise NotWrittenError(state.problem)
-
-
-@contextlib.contextmanager
-def interruption() -> Iterator[list[int]]:
-    """Give a list that Ctrl-C, SIGTERM or a closed terminal fills, and ends nothing else."""
-    interrupted: list[int] = []
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)  # else nohup holds it off
-    former = {
-        each: signal.signal(each, lambda number, _frame: interrupted.append(number))
-        for each in numbers
-    }
-    try:
-        yield interrupted
-    finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)
 
 
 def _note(line: str) -> None:

@@ -97,7 +97,7 @@ def _live(
     import frictus
     from frictus.errors import LinkError
     from frictus.keys import Topics
-    from frictus_service.cli.streams.record import interruption
+    from frictus_service.processes import interruption
     from frictus_service.security.members import tls_of_rig
 
     told: list[EstimateState] = []

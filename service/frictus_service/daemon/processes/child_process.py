@@ -29,7 +29,7 @@ from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.safety import FormerRun
 from frictus_service.errors import ServiceError
-from frictus_service.processes import Heartbeat
+from frictus_service.processes import Heartbeat, leave_interrupts_to_the_parent
 
 if sys.platform == "win32":  # where a pipe's end is of a class of its own
     from multiprocessing.connection import PipeConnection as Connection
@@ -359,11 +359,7 @@ def _wait_for_the_end(told: "Connection[Any, Any]", stop: threading.Event) -> No
 
 
 def _leave_interrupts_to_the_supervisor(stop: threading.Event) -> None:
-    # Ctrl-C, and the end of a terminal, reach every process of it; only the supervisor acts on
-    # them, so that the parts end in order: a rig that is killed leaves its device driven.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "win32":
-        signal.signal(signal.SIGBREAK, signal.SIG_IGN)
-    else:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # So that the parts end in order: a rig that is killed leaves its device driven.
+    leave_interrupts_to_the_parent()
+    if sys.platform != "win32":
         signal.signal(signal.SIGTERM, lambda _number, _frame: stop.set())

@@ -1,15 +1,13 @@
 """Runs a supervisor until it is interrupted."""
 
 import contextlib
-import signal
-import sys
 import time
 from collections.abc import Callable, Sequence
-from types import FrameType
 
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import PartName, ServiceManager
 from frictus_service.daemon.processes.supervisor import ALL, ASK_S, Supervisor, to_stderr
+from frictus_service.processes import interruption
 
 
 def serve(
@@ -36,11 +34,6 @@ def serve(
     StartError, LinkError
         If the service cannot start.
     """
-    told: list[int] = []  # not an Event: its lock may be held by whom the signal interrupts
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        told.append(number)
-
     manager = ServiceManager()
 
     def say_and_show(line: str) -> None:
@@ -48,23 +41,15 @@ def serve(
             say(line)
         manager.status(line)
 
-    names = ("SIGINT", "SIGTERM", "SIGBREAK")
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)  # else nohup holds it off
-    former = {number: signal.signal(number, on_signal) for number in numbers}
-    try:
-        with Supervisor(
-            config, parts, host_router, say_and_show, manager.keep_alive
-        ) as supervisor:
-            supervisor.wait_ready(is_over=lambda: bool(told))
-            if not told:
-                manager.ready()
-                say_and_show("ready; Ctrl-C stops")
-            while not (told or is_over()):
-                time.sleep(ASK_S)
-            manager.stopping()
-            say_and_show("stopping: the output ramps to zero" if "rig" in parts else "stopping")
-    finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)
+    with (
+        interruption() as told,
+        Supervisor(config, parts, host_router, say_and_show, manager.keep_alive) as supervisor,
+    ):
+        supervisor.wait_ready(is_over=lambda: bool(told))
+        if not told:
+            manager.ready()
+            say_and_show("ready; Ctrl-C stops")
+        while not (told or is_over()):
+            time.sleep(ASK_S)
+        manager.stopping()
+        say_and_show("stopping: the output ramps to zero" if "rig" in parts else "stopping")

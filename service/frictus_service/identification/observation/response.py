@@ -126,8 +126,7 @@ def hold(frequency_hz: FloatArray, sample_rate_hz: float) -> ComplexArray:
         Samples per second of the device's clock.
     """
     cycles = np.asarray(frequency_hz) / sample_rate_hz
-    response = np.asarray(np.sinc(cycles) * np.exp(-1j * np.pi * cycles), np.complex128)
-    return response
+    return np.asarray(np.sinc(cycles) * np.exp(-1j * np.pi * cycles), np.complex128)
 
 
 def advance(frequency_hz: FloatArray, skew_s: float) -> ComplexArray:
