@@ -92,8 +92,8 @@ def coverage(lines: list[Line]) -> str:
         " Where more hold: even the filters that allow for least allow for strokes that differ "
         "by 0.4 % and for windows that differ by 1 %, and only people whose strokes differ do. "
         "Responses are taken to be known within 0.1 % (`RESPONSE_WITHIN`), whatever the "
-        "average. The gain's become too wide by the filters that wander and still count "
-        "(`UNSTEADY`). What the rig renders by is a predicted speed"
+        "average, and gains within 0.04 % (`GAIN_WITHIN`): touch reports tell no tremor, which "
+        "turns friction away from the motion. What the rig renders by is a predicted speed"
         f"{_speed_error(lines)}; the tracker takes the one that touch reports tell afterwards.",
     )
 

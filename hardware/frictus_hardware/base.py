@@ -89,8 +89,8 @@ class TouchReport:
     ----------
     measured_sample : float
         Device sample index at which the finger was there: by the sensor's own clock where it
-        has one, else arrival less the declared latency. Where it scatters by more than 1 ms,
-        the tracker finds no speed in many windows (`docs/tracking.md`).
+        has one, else arrival less the declared latency. Where that scatters by more than 2 ms
+        and reports are lost, the tracker finds no speed in some windows (`docs/tracking.md`).
     x_mm, y_mm : float
         Position on the screen.
     in_contact : bool

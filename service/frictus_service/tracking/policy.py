@@ -19,6 +19,7 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import ADAPT_EVERY_S, CONTACT, FITTED_TO
 from frictus_service.tracking.estimation.law_estimate import LawEstimate
+from frictus_service.tracking.evidence.advice import later
 from frictus_service.tracking.evidence.signatures import (
     LAW_CAUSES,
     LAW_SIZES,
@@ -218,7 +219,7 @@ def held_back(
     late_s = float(estimate.mean[DELAY] - in_force[DELAY])
     if abs(late_s) - estimate.half_width[DELAY] > DELAY_WITHIN_S:
         return (
-            f"friction comes {1e6 * late_s:+.0f} us later than the model says, of which "
+            f"friction comes {later(late_s)} than the model says, of which "
             f"{1e6 * DELAY_WITHIN_S:.1f} is believed, and no finger does that: check the mount "
             "and the channels, or calibrate on this rig"
         )

@@ -220,7 +220,7 @@ class WindowCutter:
             ].astype(np.float64)
             for name in (*STREAMS, DRIVE)
         }
-        reason = self._spoilt(flags, data) or _unsteady(data["render"][2])
+        reason = self._spoilt(flags, data) or _unsteady(data["render"][:3])
         if not reason:
             along = self._direction(data["render"][:2])
             reason = _turning(along) or _ended(data["force"], along)
@@ -308,7 +308,10 @@ class WindowCutter:
         return summed
 
 
-def _unsteady(speed: FloatArray) -> str:
+def _unsteady(motion: FloatArray) -> str:
+    if not motion.any(axis=0).all():  # as `touch_path` has it
+        return "touch reports tell no smooth motion"
+    speed = motion[2]
     slowest, fastest = float(speed.min()), float(speed.max())
     if slowest < SPEEDS_MM_S[0] or fastest > SPEEDS_MM_S[1]:
         return f"slower than {SPEEDS_MM_S[0]:g} or faster than {SPEEDS_MM_S[1]:g} mm/s"

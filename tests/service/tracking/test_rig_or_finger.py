@@ -11,6 +11,7 @@ from frictus_hardware.simulated.config import ParticipantEffect, SimulatedPartic
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.carried import carried
+from frictus_service.tracking.evidence.advice import later
 from frictus_service.tracking.evidence.watch import CAUSES, INSTRUMENT, SUSPECTED
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
@@ -157,3 +158,9 @@ def test_a_delay_of_this_rig_or_of_an_unknown_one_is_kept() -> None:
         told = model.model_copy(update={"provenance": {"rig": rig}})
         assert carried(told, "lab/there") is told
     assert carried(model, "lab/there") is model
+
+
+def test_a_delay_is_told_with_its_sign_in_words() -> None:
+    """ "-15 us later" was said."""
+    assert later(8.4e-5) == "84 us later"
+    assert later(-1.5e-5) == "15 us earlier"

@@ -142,3 +142,18 @@ def test_a_finger_that_is_off_the_screen_for_a_part_of_a_window_is_no_weaker_one
     # Its first windows after a hop still have what the mount rings by.
     gains = [np.abs(each.cross).sum() / each.drive_power.sum() for each in found]
     np.testing.assert_allclose(gains, GAIN_N, rtol=0.05)
+
+
+def test_a_motion_that_reports_do_not_tell_is_not_called_slow(
+    rng: np.random.Generator,
+) -> None:
+    part = part_of(noise(60_000, 1_500.0, rng))
+    part.data["render"][:, :20_000] = 0.0  # as where reports make no smooth path
+    part.data["render"][2, 30_000:40_000] = 0.0  # at rest
+    cutter = WindowCutter(RATE_HZ, PEAK_V, MOUNT)
+    found = cutter.take(part)
+    assert cutter.refused == {
+        "touch reports tell no smooth motion": 20,
+        "slower than 10 or faster than 150 mm/s": 11,
+    }
+    assert len(found) == 59 - 31

@@ -4,10 +4,11 @@ Straight lines through as many reports are off by 2 % where a stroke is fastest,
 that depends on the speed is then off by as much.
 """
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.polynomial import Polynomial, chebyshev
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.sweeps import GAP_S
@@ -85,21 +86,49 @@ def path_among(
     for own in np.split(np.arange(position_t_s.size), breaks):
         if own.size < LEAST_REPORTS:
             continue
-        begin, end = position_t_s[own[0]], position_t_s[own[-1]]
-        if not end > begin:  # of one instant: no rig says so, but anybody may
-            continue
-        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        degree = min(DEGREE, own.size - 3)
-        basis = chebyshev.chebvander((position_t_s[own] - middle) / half, degree)
-        path, *_ = np.linalg.lstsq(basis, position_mm[own], rcond=None)
-        if not _lies_about(basis @ path, position_mm[own], own.size - degree - 1):
-            continue
-        inside = (time_s >= begin) & (time_s <= end)
-        at = (time_s[inside] - middle) / half
-        velocity = chebyshev.chebval(at, chebyshev.chebder(path)) / half
-        rows[:2, inside] = chebyshev.chebval(at, path)
-        rows[2, inside] = np.hypot(*velocity)
+        for at_s in _instants(position_t_s[own]):
+            if _follow(rows, position_mm[own], at_s, time_s):
+                break
     return rows
+
+
+def _instants(stamp_s: FloatArray) -> Iterator[FloatArray]:
+    """Yield when reports may have been made, the likeliest first, (k,) each.
+
+    As they are stamped. Where that makes no smooth path: evenly, as most sensors report, since
+    stamps of their arrival scatter by milliseconds, of which 1 is 0.1 mm at 100 mm/s; all that
+    were made, or without those that the stamps leave room for.
+    """
+    yield stamp_s
+    number = np.arange(stamp_s.size)
+    yield Polynomial.fit(number, stamp_s, 1)(number)
+    interval_s = np.diff(stamp_s)
+    usual_s = np.median(interval_s)
+    if usual_s > 0.0:
+        number[1:] = np.cumsum(np.maximum(np.rint(interval_s / usual_s), 1.0))
+        if number[-1] >= number.size:
+            yield Polynomial.fit(number, stamp_s, 1)(number)
+
+
+def _follow(
+    rows: FloatArray, position_mm: FloatArray, position_t_s: FloatArray, time_s: FloatArray
+) -> bool:
+    """Write into rows where reports of a smooth path went, and return whether they are one."""
+    begin, end = position_t_s[0], position_t_s[-1]
+    if not end > begin:  # of one instant: no rig says so, but anybody may
+        return False
+    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+    degree = min(DEGREE, position_t_s.size - 3)
+    basis = chebyshev.chebvander((position_t_s - middle) / half, degree)
+    path, *_ = np.linalg.lstsq(basis, position_mm, rcond=None)
+    if not _lies_about(basis @ path, position_mm, position_t_s.size - degree - 1):
+        return False
+    inside = (time_s >= begin) & (time_s <= end)
+    at = (time_s[inside] - middle) / half
+    velocity = chebyshev.chebval(at, chebyshev.chebder(path)) / half
+    rows[:2, inside] = chebyshev.chebval(at, path)
+    rows[2, inside] = np.hypot(*velocity)
+    return True
 
 
 def _lies_about(path_mm: FloatArray, position_mm: FloatArray, free: int) -> bool:

@@ -33,6 +33,17 @@ def advice_of(alarm: NamedAlarm) -> str:
     return f"{_said(alarm)}{alike}"
 
 
+def later(delay_s: float) -> str:
+    """Return a delay in words: later, or earlier if it is negative.
+
+    Parameters
+    ----------
+    delay_s : float
+        Of what is sensed, against what a model says.
+    """
+    return f"{1e6 * abs(delay_s):.0f} us {'later' if delay_s >= 0.0 else 'earlier'}"
+
+
 def _said(alarm: NamedAlarm) -> str:
     cause, size = alarm.cause, alarm.size
     if cause == "gain":
@@ -52,7 +63,7 @@ def _said(alarm: NamedAlarm) -> str:
         )
     if cause == "delay":
         return (
-            f"The force comes {1e6 * size:.0f} us later than the model says: check the "
+            f"The force comes {later(size)} than the model says: check the "
             "channels' timing and the anti-aliasing filter; it is not the finger"
         )
     if cause == MAINS:
