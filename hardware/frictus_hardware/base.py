@@ -89,8 +89,8 @@ class TouchReport:
     ----------
     measured_sample : float
         Device sample index at which the finger was there: by the sensor's own clock where it
-        has one, else arrival less the declared latency. Where that scatters by more than 2 ms
-        and reports are lost, the tracker finds no speed in some windows (`docs/tracking.md`).
+        has one, else arrival less the declared latency. What that scatters by, up to about
+        3 ms, costs nothing where the sensor reports evenly (`docs/hardware.md`).
     x_mm, y_mm : float
         Position on the screen.
     in_contact : bool

@@ -98,7 +98,7 @@ class SimulatedRig(Opened):
             capacity, self._holds_output, ramp_samples(RETURN_S, rate), self._past_v
         )
         self._output.write(0, np.zeros(lead), 0)
-        self._touch = TouchSensor(config.touch, rate)
+        self._touch = TouchSensor(config.touch, rate, config.seed)
         self._finger: Finger = config.finger.start(
             config.screen_mm, np.random.default_rng(config.seed)
         )

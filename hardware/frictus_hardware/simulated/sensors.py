@@ -27,7 +27,10 @@ class TouchConfig(StrictModel):
     resolution_mm : float
         Positions are rounded to it; 0 for none.
     latency_s : float
-        From measurement to arrival.
+        From measurement to arrival, in the mean.
+    latency_sd_s : float
+        Standard deviation of it from report to report, which the times of reports then have, as
+        of a sensor without a clock of its own.
     declared_latency_s : float or None
         What the rig declares, and takes off the arrival. None: the true latency.
     """
@@ -35,6 +38,7 @@ class TouchConfig(StrictModel):
     rate_hz: Positive = 60.0
     resolution_mm: NonNegative = 0.1
     latency_s: float = Field(default=0.030, ge=0.0, le=1.0)
+    latency_sd_s: float = Field(default=0.0, ge=0.0, le=0.1)
     declared_latency_s: float | None = Field(default=None, ge=0.0, le=1.0)
 
     @property
@@ -60,9 +64,13 @@ class TouchSensor:
         Rate, latency and resolution.
     sample_rate_hz : float
         Samples per second of the device's clock.
+    seed : int
+        Of how the latency differs.
     """
 
-    def __init__(self, config: TouchConfig, sample_rate_hz: float) -> None:
+    def __init__(self, config: TouchConfig, sample_rate_hz: float, seed: int = 0) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._latency_sd = config.latency_sd_s * sample_rate_hz
         self._resolution_mm = config.resolution_mm
         self._period = sample_rate_hz / config.rate_hz
         self._latency = config.latency_s * sample_rate_hz
@@ -99,9 +107,12 @@ class TouchSensor:
 
     def _scan(self, sample: int, motion: FingerMotion, row: int) -> None:
         x, y = (self._round(float(value)) for value in motion.position_mm[row])
-        self._pending.append(
-            _Pending(sample + self._latency, x, y, bool(motion.in_contact[row]))
-        )
+        arrival = sample + self._latency
+        if self._latency_sd:
+            arrival += self._latency_sd * self._rng.standard_normal()
+            before = self._pending[-1].arrival_sample if self._pending else sample
+            arrival = max(arrival, before, sample)  # none overtakes another, nor the finger
+        self._pending.append(_Pending(arrival, x, y, bool(motion.in_contact[row])))
 
     def _round(self, value_mm: float) -> float:
         if self._resolution_mm == 0.0:

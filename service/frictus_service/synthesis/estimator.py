@@ -30,6 +30,7 @@ from frictus_service.synthesis.finger_motion.nail_acceleration import (
     Acceleration,
     NailAcceleration,
 )
+from frictus_service.synthesis.finger_motion.report_instants import ReportInstants
 from frictus_service.synthesis.finger_motion.touch_filter import TouchFilter
 from frictus_service.synthesis.kernel import BlockMotion
 
@@ -108,7 +109,8 @@ class FingerEstimator:
         self._nail: NailAcceleration | None = None
         self._inertial: InertialFilter | None = None
         self._judge = FilterJudge()
-        self._reports: deque[TouchReport] = deque(maxlen=2)
+        self._instants = ReportInstants()
+        self._places: deque[tuple[float, float, float]] = deque(maxlen=2)  # time, x and y
         self._report_sample = -np.inf
         self._follows = False
         self._next_sample: int | None = None
@@ -198,20 +200,28 @@ class FingerEstimator:
         if since_s <= 0.0:
             return
         self._report_sample = report.measured_sample
-        self._reports.append(report)
+        stamp_s = report.measured_sample / self._rate_hz
+        place = report.x_mm, report.y_mm
+        if not report.in_contact:
+            self._instants.lift()
+        time_s = self._instants.instant_s(stamp_s, place)
+        self._places.append((time_s, *place))
         self._contact.report(report.in_contact)
         if not self.in_contact:
             self._follows = False
         if not (self.in_contact and report.in_contact):
             return  # what fades out now goes on as it did
-        time_s = report.measured_sample / self._rate_hz
-        if not self._follows or since_s > self._tuning.stale_s or self._elsewhere(report):
+        if (
+            not self._follows
+            or since_s > self._tuning.stale_s
+            or self._off_mm(time_s, place) > JUMP_MM  # it was seen somewhere else before
+        ):
             self._begin()
             return
-        self._judge.report(time_s, report.x_mm, report.y_mm)
-        self._touch.observe(time_s, report.x_mm, report.y_mm)
+        self._judge.report(time_s, *place)
+        self._touch.observe(time_s, *place)
         if self._inertial is not None:
-            self._inertial.observe(time_s, report.x_mm, report.y_mm)
+            self._inertial.observe(time_s, *place)
 
     def report_age_s(self, sample: float) -> float:
         """Return how old the last report is at a device sample; infinite before the first."""
@@ -277,28 +287,26 @@ class FingerEstimator:
             return None
         return self._nail.follow(force_n, accel_m_s2)
 
-    def _elsewhere(self, report: TouchReport) -> bool:
-        """Return whether no finger can have moved there: it was seen somewhere else before."""
-        (x_mm, _), (y_mm, _) = self._touch.predict(report.measured_sample / self._rate_hz)
-        return math.hypot(report.x_mm - x_mm, report.y_mm - y_mm) > JUMP_MM
+    def _off_mm(self, time_s: float, place_mm: tuple[float, float]) -> float:
+        """Return how far a place is from where touch alone has the finger at a time."""
+        (x_mm, _), (y_mm, _) = self._touch.predict(time_s)
+        return math.hypot(place_mm[0] - x_mm, place_mm[1] - y_mm)
 
     def _begin(self) -> None:
         """Begin anew where the finger was last seen, as fast as it was."""
-        last = self._reports[-1]
+        time_s, *at = self._places[-1]
         velocity = 0.0, 0.0
-        if len(self._reports) == 2:
-            before = self._reports[0]
-            since_s = (last.measured_sample - before.measured_sample) / self._rate_hz
-            moved = last.x_mm - before.x_mm, last.y_mm - before.y_mm
+        if len(self._places) == 2:
+            before_s, *before = self._places[0]
+            since_s = time_s - before_s
+            moved = at[0] - before[0], at[1] - before[1]
             if np.hypot(*moved) < FASTEST_MM_S * since_s < FASTEST_MM_S * self._tuning.stale_s:
                 velocity = moved[0] / since_s, moved[1] / since_s
-        at = last.x_mm, last.y_mm
-        time_s = last.measured_sample / self._rate_hz
         self._follows = True
         self._judge.restart()
-        self._touch.begin(time_s, at, velocity)
+        self._touch.begin(time_s, (at[0], at[1]), velocity)
         if self._inertial is not None:
-            self._inertial.begin(time_s, at, velocity)
+            self._inertial.begin(time_s, (at[0], at[1]), velocity)
 
 
 @njit(cache=True, nogil=True)

@@ -77,3 +77,18 @@ def test_reports_say_when_the_finger_is_off() -> None:
     motion = sliding(0, 1_000)
     motion.in_contact[500:] = False
     assert [report.in_contact for report in sensor.step(0, motion)] == [True, True, False]
+
+
+def test_a_latency_that_differs_is_in_the_times_of_the_reports() -> None:
+    config = TouchConfig(latency_sd_s=0.002)
+    got = reports(config, [100] * 4_000)
+    off = np.array([report.measured_sample for _, _, report in got])
+    off -= np.ceil(np.arange(off.size) * RATE / config.rate_hz)
+    assert off.std() == pytest.approx(0.002 * RATE, rel=0.1)
+    assert abs(off.mean()) < 0.2 * off.std()
+    for first, n_samples, report in got:
+        arrival = report.measured_sample + 600.0
+        assert arrival < first + n_samples
+    assert [report for _, _, report in got] == [
+        report for _, _, report in reports(config, [250] * 1_600)
+    ]
