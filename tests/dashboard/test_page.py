@@ -404,6 +404,12 @@ def test_a_page_whose_connection_broke_is_no_other_page(lab: Lab, open_page: Ope
         expect(page.locator("#since")).to_contain_text(
             "disarmed by you, over an earlier connection at "
         )
+        page.get_by_role("button", name="Arm", exact=True).click()
+        expect(page.locator("#state")).to_have_text("ARMED")
+        page.reload()
+        expect(page.locator("#since")).to_contain_text(
+            "disarmed by you, over an earlier connection at "
+        )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")

@@ -1,5 +1,7 @@
 /** Who holds a rig, by a name that people know, and whom that keeps from changing what is felt. */
 
+import { TAB } from "../storage.js";
+
 /** Names that services and programs are given, as `spoken_name` of frictus.keys reads them. */
 const PAGE = /^(.+)\.page-[0-9a-f]{6}$/;
 const PARTICIPANT = /\.participant-[0-9a-f]{6}$/;
@@ -10,12 +12,15 @@ const PROGRAM = /^(.+)-\d+-[0-9a-f]{6}$/;
 const ANYBODY = "local";
 const ARTICLES = { calibration: "a calibration", experiment: "an experiment" };
 
-/** Names that this page has had: each of its connections has one of its own. */
-const OWN = new Set();
+/** Names that this tab has had, before it was loaded anew too: each connection has one of its own. */
+const KEPT_AS = "frictus-own-clients";
+const MOST_KEPT = 20;
+const OWN = new Set(TAB.getItem(KEPT_AS)?.split("\n"));
 
 /** Know a client as this page, also once its connection is lost and another has a new name. */
 export function knowAsOwn(client) {
   OWN.add(client);
+  TAB.setItem(KEPT_AS, [...OWN].slice(-MOST_KEPT).join("\n"));
 }
 
 /** Whether a client is a calibration or an experiment. */
