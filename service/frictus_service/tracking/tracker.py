@@ -12,12 +12,15 @@ from frictus.model import Model, Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.calibration.posterior import STRANGE
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import CONTACT, FITTED_TO, PERSON
 from frictus_service.tracking.estimation.batch import Batch
-from frictus_service.tracking.estimation.finger_filters import NOW
-from frictus_service.tracking.estimation.law_estimate import LawEstimate, advanced, updated
+from frictus_service.tracking.estimation.law_estimate import (
+    LawEstimate,
+    advanced,
+    of_another_finger,
+    updated,
+)
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, ModelWatch
@@ -166,7 +169,7 @@ class Tracker:
             Pseudonym of whom it is of.
         """
         self._prior, self.participant = prior, participant
-        self.estimate = _of_a_new_finger(prior, self.estimate)
+        self.estimate = of_another_finger(prior, self.estimate)
         self._waiting, self._last = [], None
         self._lately_mm_s.clear()
         self._forget_finger()
@@ -255,15 +258,15 @@ class Tracker:
         batch = batch.at_speeds_of(known.speeds)
         watch = self._watch
         self._judge(batch, known, since, new_contact)
-        found, away = updated(known, batch)
-        if known.updates and away > STRANGE:
+        found, strange = updated(known, batch)
+        if known.updates and strange:
             self._before_strange = self._before_strange if self._strange else watch
             self._strange += 1
             if self._strange < ANOTHER or len(windows) < BEGINNING:
                 self._cutter.refused["unlike what was felt before"] += len(windows)
                 return False
             self.new_fingers += 1
-            found, _ = updated(_of_a_new_finger(self._prior, known), batch)
+            found, _ = updated(of_another_finger(self._prior, known), batch)
             self._forget_finger()
         self._strange = 0
         self._last, self.estimate = windows[-1], found
@@ -367,17 +370,6 @@ class Tracker:
 
 def _widened(span: tuple[float, float], values: list[float]) -> tuple[float, float]:
     return min(span[0], *values), max(span[1], *values)
-
-
-def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
-    """Return what is known of another finger on the same rig: nothing but the delay.
-
-    The delay is the rig's, and so what was known of it holds.
-    """
-    if known.updates:
-        mean, covariance = known.filters.of(NOW)
-        prior = prior.with_delay(float(mean[3]), float(covariance[3, 3]))
-    return LawEstimate.begin(prior, known.noise_n2.size)
 
 
 def _told(value: float) -> float:

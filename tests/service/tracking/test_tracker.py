@@ -14,7 +14,7 @@ from frictus_hardware.simulated.config import ParticipantEffect, SimulatedPartic
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.synthesis.compensability import placeholder_model
-from frictus_service.tracking import tracker as tracker_module
+from frictus_service.tracking.estimation.law_estimate import of_another_finger
 from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
@@ -95,7 +95,7 @@ def test_another_finger_keeps_what_is_known_of_the_delay(felt: Signals) -> None:
     for part in parts(felt):
         found.take(part)
     known = found.estimate
-    new = tracker_module._of_a_new_finger(Prior.weak(), known)
+    new = of_another_finger(Prior.weak(), known)
     assert new.mean[3] == pytest.approx(known.mean[3], rel=1e-12)
     assert new.covariance[3, 3] == pytest.approx(known.covariance[3, 3], rel=1e-12)
     assert new.mean[:3] == pytest.approx(Prior.weak().mean[:3])

@@ -165,8 +165,8 @@ class FingerFilters:
 
     def seen(
         self, score: FloatArray, information: FloatArray, at: FloatArray
-    ) -> tuple[Self, float]:
-        """Return what is known after an update, and how strange it was.
+    ) -> tuple[Self, float, float]:
+        """Return what is known after an update, how likely it was, and how strange.
 
         Parameters
         ----------
@@ -179,6 +179,8 @@ class FingerFilters:
         Returns
         -------
         FingerFilters
+        float
+            Log-likelihood of the update, less that of a law exactly at `at`.
         float
             Squared distance of what is known now from what was known before, in standard
             deviations of the filter that allows for most.
@@ -194,8 +196,10 @@ class FingerFilters:
         missed = np.einsum("ki,ij,kj->k", off, information, off) + 2.0 * off @ score
         evidence = 0.5 * (explained - missed - np.linalg.slogdet(growth)[1])
         strange = float(step[-1] @ (pull[-1] - seen @ step[-1]))
-        log_evidence = _remembered(self.log_evidence + evidence)
-        return type(self)(log_evidence, self.means + step, covariances), strange
+        after = self.log_evidence + evidence
+        likely = np.logaddexp.reduce(after) - np.logaddexp.reduce(self.log_evidence)
+        found = type(self)(_remembered(after), self.means + step, covariances)
+        return found, float(likely), strange
 
 
 def _remembered(log_evidence: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.calibration.posterior import wandered
+from frictus_service.calibration.posterior import STRANGE, wandered
 from frictus_service.calibration.score_information import (
     Data,
     GainScatter,
@@ -49,6 +49,11 @@ FORGETTING: Final = 0.05
 LEAST_NOISE_N2: Final = 1e-12
 NEAR: Final = 0.03
 """Of ln cutoff, within which a law is nearly linear: responses are then off by 1e-4."""
+UNLIKE: Final = 7.0
+"""Nats by which a batch is likelier of another finger than of the one that is known, from which
+on it is strange. Of one that was alike for long a change within what people scatter by is so,
+too: it is taken to have begun to scatter only where nothing else explains it. A finger whose
+contacts and strokes do scatter had 2 nats at most within minutes."""
 MOST_FELT: Final = 120
 """Batches, a minute of sliding, that can be seen anew."""
 SHARE_ANEW: Final = 0.25
@@ -187,6 +192,24 @@ class LawEstimate:
         return half
 
 
+def of_another_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
+    """Return what is known of another finger on the same rig: nothing but the delay.
+
+    The delay is the rig's, and so what was known of it holds.
+
+    Parameters
+    ----------
+    prior : Prior
+        Of the other finger.
+    known : LawEstimate
+        Of the finger before.
+    """
+    if known.updates:
+        mean, covariance = known.filters.of(NOW)
+        prior = prior.with_delay(float(mean[3]), float(covariance[3, 3]))
+    return LawEstimate.begin(prior, known.noise_n2.size)
+
+
 def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEstimate:
     """Return what is still known after some time.
 
@@ -207,8 +230,8 @@ def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEst
     )
 
 
-def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
-    """Return what is known after a batch, and how strange the batch was.
+def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, bool]:
+    """Return what is known after a batch, and whether the batch was strange.
 
     Parameters
     ----------
@@ -220,9 +243,9 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     Returns
     -------
     LawEstimate
-    float
-        Squared distance from what was expected, in standard deviations
-        (`FingerFilters.seen`); above `calibration.posterior.STRANGE`: hardly the same finger.
+    bool
+        Whether it is hardly of the same finger: its squared distance from what was expected is
+        above `calibration.posterior.STRANGE`, or another one is likelier by `UNLIKE`.
     """
     found, strange = _seen(estimate, batch)
     mean, _ = found.filters.of(PERSON)
@@ -254,7 +277,7 @@ def _seen_anew(estimate: LawEstimate, tangent_at: FloatArray) -> LawEstimate:
     return replace(found, seen_anew=found.updates)
 
 
-def _seen(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
+def _seen(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, bool]:
     noise = estimate.noise_n2
     if not estimate.updates:
         noise = np.maximum(_scatter(batch), LEAST_NOISE_N2)
@@ -272,12 +295,15 @@ def _seen(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     tangent_at = at if estimate.tangent_at is None else estimate.tangent_at
     # A law is linear in its gain, which no direction of the others turns with.
     linear = np.where(_GAIN, at, tangent_at)
-    filters, strange = estimate.filters, 0.0
+    filters, another = estimate.filters, of_another_finger(estimate.prior, estimate).filters
+    strange, unlike = 0.0, 0.0
     of_parts = _scores(data, linear, estimate.gain_scatter, weights)
     for begins, score, own in zip(strokes.begins, *of_parts, strict=True):
-        filters = filters.of_another_stroke() if begins else filters
-        filters, away = filters.seen(score, own, linear)
-        strange = max(strange, away)
+        if begins:
+            filters, another = (each.of_another_stroke() for each in (filters, another))
+        filters, likely, away = filters.seen(score, own, linear)
+        another, otherwise, _ = another.seen(score, own, linear)
+        strange, unlike = max(strange, away), unlike + otherwise - likely
     share = max(1.0 / (estimate.updates + 1), FORGETTING)
     left = batch.unexplained(batch.law_response(at)).mean(axis=0)
     segment = (1.0 - share) * estimate.gain_scatter**2 + share * scatter.segment**2
@@ -296,7 +322,7 @@ def _seen(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
         seconds=0.0,
         new_contact=False,
     )
-    return found, strange
+    return found, strange > STRANGE or unlike > UNLIKE
 
 
 def _settle(

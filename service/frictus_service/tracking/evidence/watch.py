@@ -57,6 +57,10 @@ ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 SUSPECTED: Final = 0.5 * ALARM
 """Nats from which on a cause of the rig, or one like it, is waited for. While the rig is right
 one cause ever reaches them in at most 2.4 % of sessions."""
+WITHDRAWN: Final = 0.0
+"""Nats below which an alarm ends: what came since speaks against its cause as clearly as what
+raised it spoke for it. A gain that falls within one stroke follows the position there; for
+causes that lasted the evidence stayed above 3."""
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
@@ -88,7 +92,7 @@ class ModelWatch:
     log_evidence : ndarray, shape (n_causes,)
         Of each of `CAUSES`, nats.
     raised : tuple of str
-        Causes whose evidence has reached `ALARM`.
+        Causes whose evidence has reached `ALARM`, and was not below `WITHDRAWN` since.
     """
 
     mount: TransferFunction | None
@@ -207,11 +211,9 @@ class ModelWatch:
             kept = np.arange(each.shape[0]) != np.argmin(each.max(axis=1))
             sums, each = Sums(*(array[kept] for array in sums.arrays())), each[kept]
         evidence = np.maximum(np.logaddexp.reduce(each, axis=0), FLOOR)
-        fresh = [
-            cause
-            for cause, nats in zip(CAUSES, evidence, strict=True)
-            if nats >= ALARM and cause not in self.raised
-        ]
+        nats = dict(zip(CAUSES, evidence.tolist(), strict=True))
+        lasting = [cause for cause in self.raised if nats[cause] >= WITHDRAWN]
+        fresh = [cause for cause in CAUSES if nats[cause] >= ALARM and cause not in self.raised]
         return replace(
             self,
             batches=self.batches + 1,
@@ -220,7 +222,7 @@ class ModelWatch:
             filters=filters,
             sums=sums,
             log_evidence=evidence,
-            raised=(*self.raised, *fresh),
+            raised=(*lasting, *fresh),
         )
 
 

@@ -23,7 +23,7 @@ def after(gains: FloatArray) -> LawEstimate:
     for gain in gains:
         known = advanced(estimate, 1.0, new_contact=True)
         law = PAPER + np.array([0.0, 0.0, gain, 0.0])
-        filters, _ = known.filters.of_another_stroke().seen(np.zeros(4), MEASURED, law)
+        filters, *_ = known.filters.of_another_stroke().seen(np.zeros(4), MEASURED, law)
         estimate = LawEstimate(PRIOR, filters, np.ones(3), 0.02, 2, 100)
     return estimate
 
