@@ -30,6 +30,7 @@ from frictus_service.tracking.evidence.watch import (
     BEGIN_BATCHES,
     CAUSES,
     INSTRUMENT,
+    WITHDRAWN,
     ModelWatch,
 )
 
@@ -230,6 +231,19 @@ def test_its_memory_is_bounded(
     assert np.all(np.isfinite(watch.log_evidence))
     # All shares that will ever be given sum to one at most.
     assert np.all(np.exp(watch.sums.log_share).sum(axis=0) <= 1.0)
+
+
+def test_an_alarm_ends_where_what_comes_speaks_against_it(rng: np.random.Generator) -> None:
+    """A gain that falls within one stroke follows the position there, and there alone: a rig
+    that was named wrong for it was never adapted again."""
+    effect = ("position_dependent_gain", {"per_mm": 0.005})
+    begun = session(rng, [PAPER] * 8, [effect])
+    assert [alarm.cause for alarm in begun.named] == [effect[0]]
+    lasting = session(rng, [PAPER] * 60, [effect], watch=begun.watch)
+    assert [alarm.cause for alarm in lasting.named] == [effect[0]]
+    over = session(rng, [PAPER] * 60, watch=begun.watch)
+    assert over.named == ()
+    assert over.watch.log_evidence[CAUSES.index(effect[0])] < WITHDRAWN
 
 
 def test_another_model_ends_the_evidence_on_the_law_only(rng: np.random.Generator) -> None:

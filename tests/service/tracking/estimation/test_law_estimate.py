@@ -119,6 +119,27 @@ def test_another_finger_is_strange_and_the_same_is_not(rng: np.random.Generator)
     assert (same, another) == (False, True)
 
 
+def test_a_change_within_what_people_scatter_by_is_another_finger_of_one_that_was_constant(
+    rng: np.random.Generator,
+) -> None:
+    """It was taken to have begun to scatter, and two fingers were made one of between."""
+    other = PAPER + np.array([0.1, 0.1, -0.1, 0.0])
+    constant = after(rng, PAPER, 40)
+    scattered = LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size)
+    for _ in range(40):
+        off = np.array([*np.repeat(0.05 * rng.standard_normal(), 2), 0.0, 0.0])
+        off[2] = 0.10 * rng.standard_normal()
+        batch = Batch.of(slide(rng, PAPER + off, speeds(rng)), BANDS)
+        scattered, strange = updated(advanced(scattered, 0.5, new_contact=True), batch)
+        assert not strange or scattered.updates == 1
+    batch = Batch.of(slide(rng, other, speeds(rng)), BANDS)
+    of_constant, of_scattered = (
+        updated(advanced(known, 0.5, new_contact=True), batch)[1]
+        for known in (constant, scattered)
+    )
+    assert (of_constant, of_scattered) == (True, False)
+
+
 def test_what_does_not_follow_the_drive_is_not_coherent(rng: np.random.Generator) -> None:
     deaf = PAPER + np.array([0.0, 0.0, np.log(1e-5), 0.0])
     assert Batch.of(slide(rng, deaf, [50.0] * 10), BANDS).coherence < 0.2
