@@ -246,6 +246,9 @@ class Tracker:
         if batch.coherence < COHERENT:
             self._cutter.refused["friction does not follow the drive"] += len(windows)
             return False
+        if batch.opposes(self.estimate.mean):
+            self._cutter.refused["friction falls where the drive has it rise"] += len(windows)
+            return False
         if not self.estimate.updates and len(windows) < BEGINNING:
             self._cutter.refused["too short to begin with"] += len(windows)
             return False

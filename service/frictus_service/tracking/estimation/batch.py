@@ -137,6 +137,17 @@ class Batch:
         explained = np.square(np.abs(cross)) / np.maximum(power, np.finfo(float).tiny)
         return float(explained.sum() / max(float(felt.sum()), np.finfo(float).tiny))
 
+    def opposes(self, at: FloatArray) -> bool:
+        """Return whether friction falls where a law has it rise: no gain is so, however small.
+
+        Parameters
+        ----------
+        at : ndarray, shape (4,)
+            In `calibration.coordinates`.
+        """
+        along = (self.law_response(at).conj() * self.cross).real
+        return bool(np.sum(along, where=self.heard) < 0.0)
+
     def law_response(self, at: FloatArray) -> ComplexArray:
         """Return a law's response in each window and band, N (Equation 4, and the delay).
 
