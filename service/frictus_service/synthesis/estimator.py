@@ -170,11 +170,13 @@ class FingerEstimator:
         self._sensed_end = end = first_sample + n_samples
         if self._fuses:
             block_s = n_samples / self._rate_hz
+            reported = not self.stale(end)
             self._contact.sense(normal_n, block_s)
             acceleration = self._accelerated(first_sample, force_n, accel_m_s2, saturated)
             self._silent_s = 0.0 if acceleration is not None else self._silent_s + block_s
             assert self._inertial is not None
-            self._inertial.follow(end / self._rate_hz, acceleration)
+            follows = self.in_contact and reported
+            self._inertial.follow(end / self._rate_hz, acceleration, follows)
             if not self.in_contact:
                 self._follows = False
             elif not self._follows and not self.stale(end):

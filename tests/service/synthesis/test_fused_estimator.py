@@ -239,6 +239,34 @@ def test_a_finger_that_comes_down_elsewhere_begins_anew_with_its_first_report() 
                 assert np.hypot(vx_mm_s, vy_mm_s) < 10.0
 
 
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_hand_that_is_turned_where_nothing_reports_it_moves_no_finger(silent: bool) -> None:
+    """Gravity goes over from one axis of the nail to another, in the air or unseen."""
+    estimator, rng = FingerEstimator(RATE), np.random.default_rng(5)
+    pace = 2.0 * np.pi * 0.7
+    scans = 0
+    for k in range(2400):
+        first, end = BLOCK_SAMPLES * k, BLOCK_SAMPLES * (k + 1)
+        away = 2.0 * RATE < end <= 10.0 * RATE
+        force = 0.002 * rng.standard_normal((BLOCK_SAMPLES, 3))
+        force[:, 2] += 0.0 if away and not silent else 0.4
+        accel = 0.05 * rng.standard_normal((BLOCK_SAMPLES, 3))
+        accel[:, 0] += 9.0 if 3.0 * RATE < end <= 9.0 * RATE else 0.3
+        time_s = np.arange(first, end) / RATE
+        accel[:, 0] -= 1e-3 * 20.0 * pace**2 * np.sin(pace * time_s)
+        motion = estimator.predict(first + 400, BLOCK_SAMPLES).motion
+        assert np.hypot(motion.vx_1, motion.vy_1) < 200.0
+        if not away and (first < 2.0 * RATE or first > 10.5 * RATE) and first > RATE:
+            x_mm = 35.0 + 20.0 * np.sin(pace * (first + 400) / RATE)
+            assert abs(motion.x_mm - x_mm) < 3.0
+        estimator.sense(first, force, accel)
+        while (measured := scans * RATE / 60.0) + 600.0 < end:
+            if not (away and silent):
+                x_mm = 35.0 + 20.0 * np.sin(pace * measured / RATE)
+                estimator.observe(TouchReport(measured, float(x_mm), 17.0, not away))
+            scans += 1
+
+
 def test_a_correction_is_bounded(rng: np.random.Generator) -> None:
     strokes = stroke(SimulatedConfig(finger=HumanStrokes(), seed=seeded(rng)), 3.0)
     for step in strokes.steps[60:]:

@@ -114,7 +114,9 @@ class InertialFilter:
         self._states.time_s[slot] = time_s
         self._go_on(block + 1)
 
-    def follow(self, end_s: float, acceleration: Acceleration | None) -> None:
+    def follow(
+        self, end_s: float, acceleration: Acceleration | None, reported: bool = True
+    ) -> None:
         """Take in a block.
 
         Parameters
@@ -123,15 +125,22 @@ class InertialFilter:
             Its end.
         acceleration : Acceleration or None
             None where nothing is known of it.
+        reported : bool
+            Whether reports say where the finger is. Without them the acceleration is kept for
+            `begin` alone: gravity that changes, as with a hand that is turned above the screen,
+            would be summed up to metres per second, and to what is no number.
         """
         row = self._accelerations[self._blocks % self._kept]
         row[0], row[3:] = end_s, np.inf
-        if acceleration is not None:
-            row[0] -= acceleration.age_s
-            row[1:3], row[3:] = acceleration.mm_s2, acceleration.variance
         self._blocks += 1
         self._oldest = max(self._oldest, self._blocks - self._kept)
-        if self.follows:
+        if acceleration is not None:
+            row[0] -= acceleration.age_s
+        if self.follows and not reported:
+            self._go_on(self._blocks - 1)
+        if acceleration is not None:
+            row[1:3], row[3:] = acceleration.mm_s2, acceleration.variance
+        if self.follows and reported:
             self._go_on(self._blocks - 1)
 
     def observe(self, time_s: float, x_mm: float, y_mm: float) -> None:
