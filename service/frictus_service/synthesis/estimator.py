@@ -171,7 +171,7 @@ class FingerEstimator:
         if self._fuses:
             block_s = n_samples / self._rate_hz
             reported = not self.stale(end)
-            self._contact.sense(normal_n, block_s)
+            self._contact.sense(normal_n, block_s, reported)
             acceleration = self._accelerated(first_sample, force_n, accel_m_s2, saturated)
             self._silent_s = 0.0 if acceleration is not None else self._silent_s + block_s
             assert self._inertial is not None

@@ -69,7 +69,7 @@ class ContactDetector:
             self._landing_s = 0.0
         self._reported = in_contact
 
-    def sense(self, normal_n: FloatArray, block_s: float) -> None:
+    def sense(self, normal_n: FloatArray, block_s: float, reported: bool = True) -> None:
         """Take the normal force of a block.
 
         Parameters
@@ -77,15 +77,24 @@ class ContactDetector:
         normal_n : ndarray, shape (n_samples,)
         block_s : float
             Its duration.
+        reported : bool
+            Whether reports come. Where they have stopped, the last one contradicts nothing: it
+            is the touch sensor that has failed.
         """
         newest = normal_n[-max(1, normal_n.size // NEWEST) :]
         force_n = float(np.add.reduce(newest)) / newest.size
         self._sensed = math.isfinite(force_n) and bool((newest != newest[0]).any())
         if not self._sensed or self._reported is None:
             return
-        self._follow_landing(force_n, block_s)
+        if reported:
+            self._follow_landing(force_n, block_s)
         above_n = force_n - self._offset_n
         self._pressed = above_n > (RELEASED_N if self._pressed else PRESSED_N)
+        if reported:
+            self._compare(force_n, above_n, block_s)
+
+    def _compare(self, force_n: float, above_n: float, block_s: float) -> None:
+        """Judge the force by the touch sensor, and learn its offset where nobody touches."""
         agrees = self._pressed == self._reported
         self._agreed_s = self._agreed_s + block_s if agrees else 0.0
         self._apart_s = max(self._apart_s + (-FORGIVEN if agrees else 1.0) * block_s, 0.0)

@@ -126,3 +126,21 @@ def test_an_offset_that_went_is_forgotten_at_once(rng: np.random.Generator) -> N
     detector.report(True)
     assert all(feed(detector, rng, 0.2, 1.0))
     assert detector.by_force
+
+
+@pytest.mark.parametrize("touched", [True, False])
+def test_a_touch_sensor_that_says_nothing_contradicts_nothing(
+    rng: np.random.Generator, touched: bool
+) -> None:
+    detector = ContactDetector()
+    for reported, force_n in ((False, 0.0), (touched, 0.4 * touched)):
+        detector.report(reported)
+        feed(detector, rng, force_n, 1.0)
+    for pressed in (not touched, touched, not touched):  # and nobody reports it
+        for _ in range(round(3.0 * CONTRADICTED_S / BLOCK_S)):
+            detector.sense(pressing(rng, 0.4 * pressed), BLOCK_S, reported=False)
+            assert detector.by_force
+            assert detector.in_contact == pressed
+    detector.report(not touched)
+    assert all(said == (not touched) for said in feed(detector, rng, 0.4 * (not touched), 1.0))
+    assert detector.by_force
