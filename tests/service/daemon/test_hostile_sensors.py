@@ -106,6 +106,20 @@ def test_no_number_of_a_sensor_drives_the_screen_beyond_its_limit_or_ends_the_lo
     assert np.ptp(driven_v) > 0.05  # a texture, and not its bias alone
 
 
+@pytest.mark.parametrize("lie", [lying(force_n__2=math.nan), monitor(math.inf)])
+def test_what_is_no_number_is_told_as_such(
+    make_bench: MakeBench, texture: Scene, lie: Lie
+) -> None:
+    bench = make_bench()
+    driven(bench, texture)
+    told(bench, lie)
+    bench.turn(0.1)
+    fault = bench.interlock.state.fault
+    assert fault is not None
+    assert fault[0] == "safety"
+    assert "is no finite number" in fault[1]
+
+
 @pytest.mark.parametrize("ahead_s", [0.2, 10.0, 1e12])
 def test_a_report_of_a_time_to_come_does_not_keep_a_finger_fresh(
     make_bench: MakeBench, texture: Scene, ahead_s: float

@@ -139,25 +139,27 @@ class BlockChecks:
             self._check_force(exchange)
         apart_v = self._monitor.compare(exchange, zero_from)
         if not apart_v <= self._tolerance_v:  # NaN must trip too
-            self._feed(
-                FaultRaised(
-                    "safety",
-                    f"the monitor is {apart_v:.3g} V rms off the drive at sample "
-                    f"{exchange.first_sample}, {self._tolerance_v:g} V is accepted",
-                )
+            wrong = (
+                f"the monitor is {apart_v:.3g} V rms off the drive"
+                if math.isfinite(apart_v)
+                else "the monitored voltage is no finite number"
             )
+            self._trip(wrong, f"{self._tolerance_v:g} V", exchange)
+
+    def _trip(self, wrong: str, accepted: str, exchange: Exchange) -> None:
+        at = f"at sample {exchange.first_sample}, {accepted} is accepted"
+        self._feed(FaultRaised("safety", f"{wrong} {at}"))
 
     def _check_force(self, exchange: Exchange) -> None:
         power_n2 = np.einsum("ij,ij->i", exchange.force_n, exchange.force_n)
         largest_n = math.sqrt(float(power_n2.max()))
         if not largest_n <= self._force_limit_n:
-            self._feed(
-                FaultRaised(
-                    "safety",
-                    f"a force of {largest_n:.3g} N at sample {exchange.first_sample}, "
-                    f"{self._force_limit_n:g} N is accepted",
-                )
+            wrong = (
+                f"a force of {largest_n:.3g} N"
+                if math.isfinite(largest_n)
+                else "the force is no finite number"
             )
+            self._trip(wrong, f"{self._force_limit_n:g} N", exchange)
 
     def check_health(self) -> None:
         """Ask the device what is wrong with it."""
