@@ -111,7 +111,9 @@ class FingerEstimator:
         self._judge = FilterJudge()
         self._instants = ReportInstants()
         self._places: deque[tuple[float, float, float]] = deque(maxlen=2)  # time, x and y
-        self._report_sample = -np.inf
+        self._reported = False  # whether the last of them was of a finger on the screen
+        self._newest_sample = -np.inf
+        self._report_sample = -np.inf  # of the last that was believed
         self._follows = False
         self._next_sample: int | None = None
         self._sensed_end = np.inf
@@ -198,26 +200,31 @@ class FingerEstimator:
             and math.hypot(report.x_mm, report.y_mm) <= FARTHEST_MM  # NaN is not
         ):
             return
-        since_s = (report.measured_sample - self._report_sample) / self._rate_hz
+        since_s = (report.measured_sample - self._newest_sample) / self._rate_hz
         if since_s <= 0.0:
             return
-        self._report_sample = report.measured_sample
+        self._newest_sample = report.measured_sample
         stamp_s = report.measured_sample / self._rate_hz
         place = report.x_mm, report.y_mm
         if not report.in_contact:
             self._instants.lift()
         time_s = self._instants.instant_s(stamp_s, place)
+        # Of two fingers every other report is near one: only the last report confirms.
+        alone = self._reported and math.dist(place, self._places[-1][1:]) > JUMP_MM
         self._places.append((time_s, *place))
+        self._reported = report.in_contact
         self._contact.report(report.in_contact)
         if not self.in_contact:
             self._follows = False
-        if not (self.in_contact and report.in_contact):
+        touches = self.in_contact and report.in_contact
+        follows = touches and self._follows and since_s <= self._tuning.stale_s
+        elsewhere = follows and self._off_mm(time_s, place) > JUMP_MM
+        if elsewhere and alone:
+            return  # a stray report, or another finger's
+        self._report_sample = report.measured_sample
+        if not touches:
             return  # what fades out now goes on as it did
-        if (
-            not self._follows
-            or since_s > self._tuning.stale_s
-            or self._off_mm(time_s, place) > JUMP_MM  # it was seen somewhere else before
-        ):
+        if not follows or elsewhere:
             self._begin()
             return
         self._judge.report(time_s, *place)
@@ -226,7 +233,10 @@ class FingerEstimator:
             self._inertial.observe(time_s, *place)
 
     def report_age_s(self, sample: float) -> float:
-        """Return how old the last report is at a device sample; infinite before the first."""
+        """Return how old the last report is at a device sample; infinite before the first.
+
+        Stray ones do not count: a sensor that says nothing else is of no more use than none.
+        """
         return float(sample - self._report_sample) / self._rate_hz
 
     def stale(self, sample: float) -> bool:

@@ -296,6 +296,35 @@ def test_reports_close_upon_one_another_are_harmless() -> None:
     assert vy == pytest.approx(0.0, abs=2.0)
 
 
+def test_a_stray_report_moves_nothing_and_a_second_one_beside_it_does() -> None:
+    estimator = FingerEstimator(RATE)
+    for scan in range(40):
+        strays = scan >= 20 and scan % 3 == 0
+        x_mm = 5.0 + scan % 7 if strays else stroke(scan / 60.0)
+        estimator.observe(report(scan * PERIOD, x_mm))
+        if scan >= 20:
+            (x, vx), _ = state(estimator, round(scan * PERIOD) + 1_000)
+            assert x == pytest.approx(stroke(scan / 60.0 + 0.05), abs=0.5)
+            assert vx == pytest.approx(60.0, rel=0.1)
+            assert not estimator.stale(scan * PERIOD + 0.05 * RATE)
+    for scan in (40, 41):
+        estimator.observe(report(scan * PERIOD, 5.0))
+    assert state(estimator, round(41 * PERIOD))[0, 0] == pytest.approx(5.0, abs=0.1)
+
+
+def test_reports_that_are_all_stray_are_none() -> None:
+    estimator = FingerEstimator(RATE)
+    for scan in range(20):
+        estimator.observe(report(scan * PERIOD, stroke(scan / 60.0)))
+    for scan in range(20, 40):
+        estimator.observe(report(scan * PERIOD, 20.0 * (scan % 4) - 100.0))
+    assert estimator.stale(40 * PERIOD)
+    for scan in range(40, 43):
+        estimator.observe(report(scan * PERIOD, 30.0))
+    assert not estimator.stale(43 * PERIOD)
+    assert state(estimator, round(43 * PERIOD))[0, 0] == pytest.approx(30.0, abs=0.2)
+
+
 @pytest.mark.parametrize("angle_deg", [0.0, 90.0, 30.0])
 def test_both_axes_are_followed_alike(angle_deg: float) -> None:
     estimator = FingerEstimator(RATE)
