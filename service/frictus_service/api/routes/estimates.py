@@ -34,7 +34,11 @@ class EstimatePublication(Publication):
     """How an estimate is published."""
 
     participant: Annotated[
-        Name | None, Field(description="Pseudonym; null: of whom the model in force is")
+        Name | None,
+        Field(
+            description="Pseudonym; null: of whom the model in force is, unless another finger "
+            "was noticed"
+        ),
     ] = None
 
 
@@ -70,12 +74,18 @@ def publish_estimate(
 ) -> Published:
     """Publish the estimate as the next version of a name, with the provenance `live`."""
     shown = given.link.rig(rig)
-    model = _estimate(shown).model
+    estimate = _estimate(shown)
+    model = estimate.model
     if model is None:
         raise problems.NoEstimateError(
             "nothing was felt yet: play a texture, and slide over it at 10 to 150 mm/s"
         )
     participant = wanted.participant or model.participant
+    if estimate.new_fingers and wanted.participant is None:
+        raise problems.InvalidError(
+            f"participant: {estimate.new_fingers} times another finger was noticed without "
+            "notice, so that it may not be that of the model in force; say whose finger it is"
+        )
     if participant is None:
         raise problems.InvalidError(
             "participant: the model in force is of nobody in particular; say whose finger it is"

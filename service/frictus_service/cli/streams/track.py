@@ -322,7 +322,10 @@ def summary_of(state: "EstimateState", live: bool) -> list[str]:
     if live:
         lines.append(_outlook_of(state))
     if state.new_fingers:
-        lines.append(f"the finger became another without notice {state.new_fingers} times")
+        whose = "; --participant says whose it is now" if live and state.participant else ""
+        lines.append(
+            f"the finger became another without notice {state.new_fingers} times{whose}"
+        )
     return lines + refused
 
 

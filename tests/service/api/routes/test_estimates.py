@@ -55,6 +55,20 @@ def test_it_is_published_as_somebodys(api: TestClient, rig: FakeRig) -> None:
     assert model["base"]["gain_n"] == 0.3
 
 
+def test_what_may_be_anothers_is_published_as_nobodys(api: TestClient, rig: FakeRig) -> None:
+    """What was felt of another finger became a version of whom the model in force is of."""
+    path, state = f"/v1/rigs/{rig.name}/estimate/publish", felt()
+    assert state.model is not None
+    own = state.model.model_copy(update={"participant": "P01"})
+    rig.publish(Topics.ESTIMATE, felt(model=own, new_fingers=1))
+    unnamed = api.post(path, json={})
+    assert (unnamed.status_code, unnamed.json()["code"]) == (422, "bad_request")
+    assert "another finger was noticed" in unnamed.json()["detail"]
+    assert api.post(path, json={"participant": "P02"}).json()["participant"] == "P02"
+    rig.publish(Topics.ESTIMATE, felt(model=own))
+    assert api.post(path, json={}).json()["participant"] == "P01"
+
+
 def test_before_anything_was_felt_nothing_is_published(api: TestClient, rig: FakeRig) -> None:
     rig.publish(Topics.ESTIMATE, felt(model=None, windows=0))
     said = api.post(f"/v1/rigs/{rig.name}/estimate/publish", json={"participant": "P07"})
