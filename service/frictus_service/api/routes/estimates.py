@@ -83,8 +83,8 @@ def publish_estimate(
     participant = wanted.participant or model.participant
     if estimate.new_fingers and wanted.participant is None:
         raise problems.InvalidError(
-            f"participant: {estimate.new_fingers} times another finger was noticed without "
-            "notice, so that it may not be that of the model in force; say whose finger it is"
+            f"participant: another finger was noticed ({estimate.new_fingers} times), so that "
+            "it may not be that of the model in force; say whose finger it is"
         )
     if participant is None:
         raise problems.InvalidError(
