@@ -181,7 +181,7 @@ class FingerEstimator:
             self._inertial.follow(end / self._rate_hz, acceleration, follows)
             if not self.in_contact:
                 self._follows = False
-            elif not self._follows and not self.stale(end):
+            elif not self._follows and reported:
                 self._begin()  # it has come down where it was seen above the screen
         normal_force_n = float(np.add.reduce(normal_n) / n_samples)
         # It changes slowly beside the time from measuring to playing, and is not predicted.
@@ -302,23 +302,23 @@ class FingerEstimator:
     def _off_mm(self, time_s: float, place_mm: tuple[float, float]) -> float:
         """Return how far a place is from where touch alone has the finger at a time."""
         (x_mm, _), (y_mm, _) = self._touch.predict(time_s)
-        return math.hypot(place_mm[0] - x_mm, place_mm[1] - y_mm)
+        return math.dist(place_mm, (x_mm, y_mm))
 
     def _begin(self) -> None:
         """Begin anew where the finger was last seen, as fast as it was."""
-        time_s, *at = self._places[-1]
+        time_s, x_mm, y_mm = self._places[-1]
         velocity = 0.0, 0.0
         if len(self._places) == 2:
-            before_s, *before = self._places[0]
+            before_s, x_before_mm, y_before_mm = self._places[0]
             since_s = time_s - before_s
-            moved = at[0] - before[0], at[1] - before[1]
+            moved = x_mm - x_before_mm, y_mm - y_before_mm
             if np.hypot(*moved) < FASTEST_MM_S * since_s < FASTEST_MM_S * self._tuning.stale_s:
                 velocity = moved[0] / since_s, moved[1] / since_s
         self._follows = True
         self._judge.restart()
-        self._touch.begin(time_s, (at[0], at[1]), velocity)
+        self._touch.begin(time_s, (x_mm, y_mm), velocity)
         if self._inertial is not None:
-            self._inertial.begin(time_s, (at[0], at[1]), velocity)
+            self._inertial.begin(time_s, (x_mm, y_mm), velocity)
 
 
 @njit(cache=True, nogil=True)

@@ -61,12 +61,15 @@ def told(bench: Bench, lie: Lie | None) -> None:
     bench.rig.exchange = lied  # type: ignore[method-assign]
 
 
-def driven(bench: Bench, texture: Scene) -> None:
-    """Drive the screen."""
+@pytest.fixture
+def bench(make_bench: MakeBench, texture: Scene) -> Bench:
+    """Return a rig that drives the screen."""
+    bench = make_bench()
     bench.play(texture)
     bench.turn(0.2)
     bench.arm(60.0)
     assert any(turn.exchange.applied_v.any() for turn in bench.turn(LATE_S))
+    return bench
 
 
 LIES: Final = {
@@ -81,10 +84,8 @@ LIES: Final = {
 
 @pytest.mark.parametrize("lie", LIES.values(), ids=LIES)
 def test_no_number_of_a_sensor_drives_the_screen_beyond_its_limit_or_ends_the_loop(
-    make_bench: MakeBench, texture: Scene, lie: Lie
+    bench: Bench, lie: Lie
 ) -> None:
-    bench = make_bench()
-    driven(bench, texture)
     told(bench, lie)
     turns = bench.turn(2.0 * LATE_S)
     info = bench.rig.info
@@ -107,11 +108,7 @@ def test_no_number_of_a_sensor_drives_the_screen_beyond_its_limit_or_ends_the_lo
 
 
 @pytest.mark.parametrize("lie", [lying(force_n__2=math.nan), monitor(math.inf)])
-def test_what_is_no_number_is_told_as_such(
-    make_bench: MakeBench, texture: Scene, lie: Lie
-) -> None:
-    bench = make_bench()
-    driven(bench, texture)
+def test_what_is_no_number_is_told_as_such(bench: Bench, lie: Lie) -> None:
     told(bench, lie)
     bench.turn(0.1)
     fault = bench.interlock.state.fault
@@ -122,10 +119,8 @@ def test_what_is_no_number_is_told_as_such(
 
 @pytest.mark.parametrize("ahead_s", [0.2, 10.0, 1e12])
 def test_a_report_of_a_time_to_come_does_not_keep_a_finger_fresh(
-    make_bench: MakeBench, texture: Scene, ahead_s: float
+    bench: Bench, ahead_s: float
 ) -> None:
-    bench = make_bench()
-    driven(bench, texture)
     ahead = ahead_s * bench.rate_hz
     once: list[TouchReport] = []
 
@@ -140,11 +135,7 @@ def test_a_report_of_a_time_to_come_does_not_keep_a_finger_fresh(
     assert not any(turn.exchange.applied_v.any() for turn in bench.turn(LATE_S))
 
 
-def test_a_report_of_a_time_to_come_does_not_hold_off_those_that_follow(
-    make_bench: MakeBench, texture: Scene
-) -> None:
-    bench = make_bench()
-    driven(bench, texture)
+def test_a_report_of_a_time_to_come_does_not_hold_off_those_that_follow(bench: Bench) -> None:
     once: list[TouchReport] = []
 
     def lie(exchange: Exchange) -> Exchange:
@@ -179,10 +170,8 @@ MISSHAPEN: Final[dict[str, Lie]] = {
 
 @pytest.mark.parametrize("lie", MISSHAPEN.values(), ids=MISSHAPEN)
 def test_a_backend_that_returns_what_none_may_is_told_and_its_screen_goes_to_zero(
-    make_bench: MakeBench, texture: Scene, lie: Lie
+    bench: Bench, lie: Lie
 ) -> None:
-    bench = make_bench()
-    driven(bench, texture)
     told(bench, lie)
     bench.loop.turn()
     safety = bench.interlock.state

@@ -217,9 +217,11 @@ def test_contact_is_felt_within_a_block_and_a_lead(rng: np.random.Generator) -> 
     assert not np.any(applied[lifted[0] + lead + 3 * block : landed[landed > lifted[0]][0]])
 
 
-def test_a_finger_that_comes_down_elsewhere_begins_anew_with_its_first_report() -> None:
+def test_a_finger_that_comes_down_elsewhere_begins_anew_with_its_first_report(
+    rng: np.random.Generator,
+) -> None:
     """The sensor repeats where a finger was lifted until it sees it again, 30 ms late."""
-    estimator, rng = FingerEstimator(RATE), np.random.default_rng(5)
+    estimator = FingerEstimator(RATE)
     scans = 0
     for k in range(300):
         first, end = BLOCK_SAMPLES * k, BLOCK_SAMPLES * (k + 1)
@@ -240,9 +242,11 @@ def test_a_finger_that_comes_down_elsewhere_begins_anew_with_its_first_report() 
 
 
 @pytest.mark.parametrize("silent", [False, True])
-def test_a_hand_that_is_turned_where_nothing_reports_it_moves_no_finger(silent: bool) -> None:
+def test_a_hand_that_is_turned_where_nothing_reports_it_moves_no_finger(
+    rng: np.random.Generator, silent: bool
+) -> None:
     """Gravity goes over from one axis of the nail to another, in the air or unseen."""
-    estimator, rng = FingerEstimator(RATE), np.random.default_rng(5)
+    estimator = FingerEstimator(RATE)
     pace = 2.0 * np.pi * 0.7
     scans = 0
     for k in range(2400):

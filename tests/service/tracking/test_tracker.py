@@ -92,21 +92,20 @@ def test_an_effect_in_the_twin_is_named_and_has_advice(
 
 def test_a_force_of_the_wrong_sign_is_no_finger_of_no_gain(felt: Signals) -> None:
     """The gain became 1e-5 N, of which nothing that came later was seen to be off."""
-    found, reason = tracker(), "friction falls where the drive has it rise"
+    reason = "friction falls where the drive has it rise"
+    turned = np.array([[-1.0], [-1.0], [1.0]], dtype=np.float32)
+    found, begun = tracker(), tracker()
     for part in parts(felt):
         found.take(part)
     found.rest()
     known = found.estimate
     for part in parts(felt):
-        wrong = part.data["force"] * np.array([[-1.0], [-1.0], [1.0]], dtype=np.float32)
-        found.take(replace(part, run=2, data={**part.data, "force": wrong}))
+        wrong = {**part.data, "force": turned * part.data["force"]}
+        found.take(replace(part, run=2, data=wrong))
+        begun.take(replace(part, data=wrong))
     assert found.state(1).refused[reason] > 50
     assert found.new_fingers == 0
     np.testing.assert_array_equal(found.estimate.mean, known.mean)
-    begun = tracker()
-    for part in parts(felt):
-        wrong = part.data["force"] * np.array([[-1.0], [-1.0], [1.0]], dtype=np.float32)
-        begun.take(replace(part, data={**part.data, "force": wrong}))
     assert begun.estimate.windows == 0
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.polynomial import Polynomial, chebyshev
 
-from frictus_hardware.arrays import FloatArray
+from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.identification.observation.sweeps import GAP_S
 
 PART_S: Final = 0.1
@@ -101,13 +101,18 @@ def _instants(stamp_s: FloatArray) -> Iterator[FloatArray]:
     """
     yield stamp_s
     number = np.arange(stamp_s.size)
-    yield Polynomial.fit(number, stamp_s, 1)(number)
+    yield _evenly(stamp_s, number)
     interval_s = np.diff(stamp_s)
     usual_s = np.median(interval_s)
     if usual_s > 0.0:
         number[1:] = np.cumsum(np.maximum(np.rint(interval_s / usual_s), 1.0))
         if number[-1] >= number.size:
-            yield Polynomial.fit(number, stamp_s, 1)(number)
+            yield _evenly(stamp_s, number)
+
+
+def _evenly(stamp_s: FloatArray, number: IntArray) -> FloatArray:
+    even_s: FloatArray = Polynomial.fit(number, stamp_s, 1)(number)
+    return even_s
 
 
 def _follow(

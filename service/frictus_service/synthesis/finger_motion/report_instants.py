@@ -17,8 +17,10 @@ LOST: Final = 6
 """After a silence of more reports the line begins anew."""
 SHORTEST_S: Final = 1e-4
 """Between reports; those of a burst have one stamp."""
-OTHERWISE: Final = (0.4, 3)
-"""Share by which so many intervals in a row differ from the line's, which is wrong then."""
+OTHERWISE: Final = 0.4
+"""Share by which an interval differs from the line's."""
+IN_A_ROW: Final = 3
+"""So many such intervals, and the line is wrong."""
 SMOOTH: Final = 5
 """Reports, of which a cubic leaves one degree of freedom."""
 ROUGH_MM: Final = 1.0
@@ -64,12 +66,11 @@ class ReportInstants:
     def _follow(self, stamp_s: float) -> float:
         """Return when a report was made if all are made evenly."""
         since_s = stamp_s - self._instant_s
-        share, in_a_row = OTHERWISE
-        otherwise = abs(since_s - self._interval_s) > share * self._interval_s
-        self._otherwise = self._otherwise + 1 if self._number >= 2 and otherwise else 0
-        if self._otherwise == in_a_row or (
-            self._number >= 2 and since_s > LOST * self._interval_s
-        ):
+        known = self._number >= 2
+        otherwise = known and abs(since_s - self._interval_s) > OTHERWISE * self._interval_s
+        self._otherwise = self._otherwise + 1 if otherwise else 0
+        silent = known and since_s > LOST * self._interval_s
+        if silent or self._otherwise == IN_A_ROW:
             self._number = self._otherwise = 0
         n = self._number = min(self._number + 1, FOLLOWED)
         if n == 1:
@@ -103,7 +104,10 @@ def _roughness_mm2(
 
     With one degree of freedom left it is that of a divided difference.
     """
-    apart = [math.prod(one - other for other in time_s if other is not one) for one in time_s]
+    apart = [
+        math.prod(one - other for m, other in enumerate(time_s) if m != n)
+        for n, one in enumerate(time_s)
+    ]
     if min(map(abs, apart)) < SHORTEST_S ** (SMOOTH - 1):
         return ROUGH_MM**2
     weights = [1.0 / each for each in apart]
