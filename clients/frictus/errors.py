@@ -1,6 +1,7 @@
 """Every error the client raises on purpose; each is also the natural builtin."""
 
 import reprlib
+from typing import Final
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -115,15 +116,24 @@ _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
 """What a sender wrote may be megabytes: it is shortened before it is written out."""
 
+_ALL_AROUND: Final = ("missing", "union_tag_not_found", "union_tag_invalid")
+"""Complaints of which the input is all that surrounds what is wrong."""
+
 
 def complaint(detail: ErrorDetails) -> str:
-    """Say what one value got wrong, without the value.
+    """Say what one value got wrong, without the value, but for the kind of a union.
 
     Parameters
     ----------
     detail : ErrorDetails
         One of pydantic's complaints.
     """
+    about = detail.get("ctx", {})
+    if detail["type"] == "union_tag_invalid":
+        tag = _SHORT.repr(about["tag"])
+        return f"{about['discriminator']} is {tag}; accepted: {about['expected_tags']}"
+    if detail["type"] == "union_tag_not_found":
+        return f"the key {about['discriminator']} is missing"
     return detail["msg"].removeprefix("Value error, ")
 
 
@@ -139,7 +149,7 @@ def explain(error: ValidationError) -> str:
     for detail in error.errors(include_url=False)[:3]:
         where = printable(".".join(str(part) for part in detail["loc"]))
         message = printable(complaint(detail))
-        if detail["type"] != "missing":  # its input is all that surrounds it
+        if detail["type"] not in _ALL_AROUND:
             message += f" (got {_SHORT.repr(detail['input'])})"
         complaints.append(f"{where or 'document'}: {message}")
     more = error.error_count() - len(complaints)

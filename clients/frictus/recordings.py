@@ -170,7 +170,10 @@ def import_texture(
         text = read_text(path)
         require(factor == 1.0, f"{path.name} is in newtons: give it no scale")
         require(angle_deg == 0.0, f"{path.name} says its direction: give it no angle")
-        return ImportedTexture(texture_of(text))
+        try:
+            return ImportedTexture(texture_of(text))
+        except TextureError as error:
+            raise TextureError(f"{path.name}: {error}") from error
     try:
         notes: tuple[str, ...] = ()
         if suffix == ".csv":

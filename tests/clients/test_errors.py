@@ -3,8 +3,9 @@
 from typing import Annotated
 
 import pytest
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
+from frictus import Texture
 from frictus.errors import explain
 from frictus.names import Name
 
@@ -30,3 +31,18 @@ def test_what_is_taken_for_a_name_s_pattern_is_not_another_that_begins_like_it()
     with pytest.raises(ValidationError) as caught:
         Longer.model_validate({"text": "P01"})
     assert "+/[0-9]$" in explain(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({"kind": "slime"}, "document: 'kind' is 'slime'; accepted: 'spectrum', 'profile'"),
+        ({"kind": "x" * 999}, "'kind' is 'xxxxxxxxxxxx...xxxxxxxxxxxxx'; accepted"),
+        ({"schema": "design/1"}, "document: the key 'kind' is missing"),
+    ],
+)
+def test_of_a_union_the_kinds_are_named_in_plain_words(document: object, said: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        TypeAdapter[Texture](Texture).validate_python(document)
+    assert said in explain(caught.value)
+    assert len(explain(caught.value)) < 200

@@ -163,7 +163,7 @@ def compensation_of(text: str) -> "frictus.Compensation":
     from pydantic import ValidationError
 
     import frictus
-    from frictus.errors import ArgumentError, explain
+    from frictus.errors import ArgumentError
 
     mode, colon, speed = text.partition(":")
     try:
@@ -172,8 +172,8 @@ def compensation_of(text: str) -> "frictus.Compensation":
         )
     except ValidationError as error:
         raise ArgumentError(
-            f"--compensation {text}: model, none or fixed:MM/S, such as fixed:60, is accepted; "
-            f"{explain(error)}"
+            f"--compensation {text}: accepted: model, none, or fixed:MM/S with 1 to 1000 mm/s, "
+            "such as fixed:60"
         ) from error
 
 
