@@ -11,6 +11,7 @@ from typing import Final, Self
 
 from pydantic import ValidationError
 
+from frictus.errors import explain
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.durable import put_in_place, replace_file
@@ -208,7 +209,8 @@ def read_spec(path: Path) -> CalibrationSpec | None:
     try:
         return CalibrationSpec.model_validate_json(file.read_bytes())
     except (OSError, ValidationError) as error:
-        raise FolderError(f"{file} cannot be read: {error}; choose another folder") from error
+        told = explain(error) if isinstance(error, ValidationError) else error
+        raise FolderError(f"{file} cannot be read: {told}; choose another folder") from error
 
 
 def _require_same(path: Path, begun: CalibrationSpec, spec: CalibrationSpec) -> None:

@@ -22,7 +22,7 @@ app = typer.Typer(
     help="Feel textures on a friction-modulated touchscreen, over the network.",
     epilog=(
         "Exit codes: 0 done, 1 unexpected or a part did not start, 2 usage, 3 configuration, "
-        "4 no router or rig, 5 refused by the rig, 6 a check failed, 130 interrupted."
+        "4 no router, rig or device, 5 refused by the rig, 6 a check failed, 130 interrupted."
     ),
 )
 

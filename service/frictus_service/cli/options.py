@@ -43,7 +43,7 @@ class Exit(IntEnum):
     """An argument, or a file that one names, cannot be used."""
     CONFIG = 3
     NO_LINK = 4
-    """No router, no rig or no registry answers."""
+    """No router, rig, device or registry answers."""
     REFUSED = 5
     """The rig refused, or took the lease away."""
     CHECK_FAILED = 6
@@ -54,6 +54,7 @@ class Exit(IntEnum):
 def code_of(error: Exception) -> Exit:
     """Return the exit code that stands for an error."""
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
+    from frictus_hardware.errors import ConfigError, DeviceLostError, LinkLostError
     from frictus_service.discovery.impact_recording import ImpactRecordingError
     from frictus_service.discovery.ring_down import RingDownError
     from frictus_service.errors import (
@@ -61,6 +62,7 @@ def code_of(error: Exception) -> Exit:
         CalibrationError,
         ConfigurationError,
         DesignError,
+        DraftCauseError,
         EstimateError,
         FolderError,
         NotWrittenError,
@@ -72,9 +74,10 @@ def code_of(error: Exception) -> Exit:
     )
     from frictus_service.library import LibraryError
 
-    if isinstance(error, ConfigurationError):
+    if isinstance(error, ConfigurationError | ConfigError):
         return Exit.CONFIG
-    if isinstance(error, LinkError | NoRigError | SilenceError | RegistryUnavailableError):
+    out_of_reach = (LinkError, NoRigError, SilenceError, RegistryUnavailableError)
+    if isinstance(error, (*out_of_reach, DeviceLostError, LinkLostError)):
         return Exit.NO_LINK
     if isinstance(error, EstimateError | RingDownError):
         return Exit.CHECK_FAILED
@@ -86,6 +89,7 @@ def code_of(error: Exception) -> Exit:
         BaseModelError,
         ImpactRecordingError,
         DesignError,
+        DraftCauseError,
         FolderError,
         FrictusError,
         LibraryError,
@@ -108,6 +112,7 @@ def _is_of_a_file(error: Exception) -> bool:
 def sentence_of(error: Exception) -> str:
     """Return what to tell the user about an error."""
     from frictus.errors import FrictusError, RefusedError
+    from frictus_hardware.errors import HardwareError
     from frictus_service.errors import ServiceError
 
     if isinstance(error, FileNotFoundError) and _folder_is_gone():
@@ -122,7 +127,7 @@ def sentence_of(error: Exception) -> str:
         return f"{error.filename}: {error.strerror}; {CLOSED[error.errno or 0]}"
     if isinstance(error, RefusedError) and error.code == "tripped":
         return f"{error} {HOW_TO_RESET}"
-    if isinstance(error, FrictusError | ServiceError | OSError):
+    if isinstance(error, FrictusError | HardwareError | ServiceError | OSError):
         return str(error)
     return f"unexpected {type(error).__name__}: {error}; --debug shows where"
 

@@ -149,8 +149,9 @@ def test_a_folder_that_says_nothing_readable_is_refused(
     folder = CalibrationFolder.open(tmp_path, SPEC)
     folder.add(trial(folder, rng), STUDY, "")
     (tmp_path / "calibration.json").write_text("{", encoding="utf-8")
-    with pytest.raises(FolderError, match="cannot be read"):
+    with pytest.raises(FolderError, match="cannot be read: document: Invalid JSON") as refused:
         CalibrationFolder.open(tmp_path, SPEC)
+    assert "\n" not in str(refused.value)
     (tmp_path / "calibration.json").unlink()
     with pytest.raises(FolderError, match=r"no calibration\.json"):
         CalibrationFolder.open(tmp_path, SPEC)

@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from frictus.errors import RefusedError
+from frictus_hardware.errors import DeviceLostError, DriverMissingError, HardwareError
 from frictus_hardware.simulated.takeover import TakeoverStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit, code_of, sentence_of
@@ -48,6 +49,18 @@ def test_folders_that_cannot_be_used_are_said_at_the_start(
     assert f"recordings: {tmp_path / 'recordings'} is no folder: name another" in said
     assert f"studies: {tmp_path / 'studies'} is no folder: name another" in said
     assert "textures" not in said
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (DriverMissingError("no NI-DAQmx here: install it"), Exit.CONFIG),
+        (DeviceLostError("Dev1 is gone: check its cable"), Exit.NO_LINK),
+    ],
+)
+def test_a_device_out_of_reach_is_told_as_it_is(error: HardwareError, code: Exit) -> None:
+    assert code_of(error) == code
+    assert sentence_of(error) == str(error)
 
 
 def test_who_meets_a_trip_is_told_how_it_is_reset() -> None:

@@ -100,3 +100,14 @@ def test_what_cannot_be_used_is_a_sentence_and_a_code(tmp_path: Path) -> None:
     assert not (tmp_path / "bad-discovery").exists()
     code, _, told = run(str(tmp_path / "a.h5"), "--response", "heat")
     assert code == 2
+    code, _, told = run(str(tmp_path / "a.h5"), "--draft-cause", "No Name")
+    assert code == 2
+    assert "no cause can be called 'No Name'" in told
+
+
+@pytest.mark.usefixtures("asked")
+def test_where_there_is_nothing_to_draft_the_rest_is_told(tmp_path: Path) -> None:
+    code, told, progress = run(str(tmp_path / "a.h5"), "--draft-cause", "tape_resonance")
+    assert code == 2
+    assert json.loads(told)["verdict"] == "explained"
+    assert progress.splitlines()[-1].startswith("frictus: nothing was characterised")

@@ -79,7 +79,7 @@ def plan(
         seed=seed,
         workers=workers,
         cache=cache or source.with_name(f"{source.stem}-discovery") / "observations",
-        tell=_tell_plan,
+        tell=_tell,
     )
     if out is not None:
         write_out(out, found.to_json())
@@ -209,11 +209,6 @@ def _bill(addition: "Addition") -> tuple[float, str]:
     return addition.finger_s, f"{what} ({cost})"
 
 
-def _tell_plan(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
-
-
 def discover(
     studies: Annotated[
         list[Path],
@@ -309,7 +304,7 @@ def discover(
     )
     _tell("writing the report")
     written = page.write(found, folder)
-    if draft_cause is not None:
+    if draft_cause is not None and found.characterised:
         written += page.write_draft(found, draft_cause, folder)
     if wants_lines(as_json):
         write_line(**summary(found), files=[str(path) for path in written])
@@ -318,12 +313,14 @@ def discover(
 
         show(found, Console())
         Console().print(f"report: {folder / REPORT}", markup=False, soft_wrap=True)
-        if draft_cause is not None:
+        if draft_cause is not None and found.characterised:
             draft = f"draft: {folder / page.DRAFT}: read, edit, and copy it into the sources"
             Console().print(draft, markup=False, soft_wrap=True)
     if found.verdict is None and found.one_recording is None:
         _tell("frictus: nothing was tested; the notes say what to measure")
         raise typer.Exit(Exit.USAGE)
+    if draft_cause is not None and not found.characterised:
+        page.write_draft(found, draft_cause, folder)  # refused once all that was found is told
 
 
 def summary(found: "Discovery") -> dict[str, object]:

@@ -7,8 +7,10 @@ from typing import Final, Literal
 import numpy as np
 from pydantic import ValidationError
 
+from frictus.errors import explain
 from frictus.model import FirstOrderSpeedLaw, MassSpringDamper, Model
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.errors import EffectParameterError, UnknownEffectError
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mobility, TransferFunction
@@ -113,7 +115,8 @@ def base_model(base: str, response: ResponseName) -> Model:
     Raises
     ------
     BaseModelError
-        If there is no such file, it is no model, or one of the other response.
+        If there is no such file, it is no model, one of the other response, or has an effect
+        that is not known or out of its bounds.
     """
     law, skin = FrictionLaw(), Mobility()
     if base == "paper" and response == "mobility":
@@ -139,6 +142,10 @@ def base_model(base: str, response: ResponseName) -> Model:
             f"{base} is a model of the {model.response}, and the {response} is asked for; give "
             f"a {response} model, or --response {model.response}"
         )
+    try:
+        simulator_of(model, None)  # before an analysis of minutes
+    except (UnknownEffectError, EffectParameterError) as error:
+        raise BaseModelError(f"{base}: {error}") from error
     return model
 
 
@@ -157,7 +164,9 @@ def _read(path: Path) -> Model:
         raise BaseModelError(
             f"no base model {str(path)!r}; accepted: paper, constant-cutoff, or a model/1 file"
         ) from error
-    except (OSError, ValidationError) as error:
+    except ValidationError as error:
+        raise BaseModelError(f"{path} is no model/1 document: {explain(error)}") from error
+    except OSError as error:
         raise BaseModelError(f"{path} is no model/1 document: {error}") from error
 
 

@@ -106,11 +106,26 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
     path.write_text(skin.model_dump_json(by_alias=True), "utf-8")
     with pytest.raises(BaseModelError, match="or --response mobility"):
         base_model(str(path), "friction")
+    path.write_text('{"schema": "model/1"}', "utf-8")
+    with pytest.raises(BaseModelError, match=r"document: base: Field required$"):
+        base_model(str(path), "friction")
 
 
-def test_an_effect_that_is_not_known() -> None:
+def test_an_effect_that_is_not_known(tmp_path: Path) -> None:
     model = base_model("paper", "friction")
     strange: Model = model.model_copy(update={"effects": [Effect(id="magic", parameters={})]})
     with pytest.raises(UnknownEffectError, match="no effect 'magic'"):
         simulator_of(strange, MOUNT)
     assert isinstance(simulator_of(model, None), Simulator)
+    path = tmp_path / "strange.json"
+    for effect, told in (
+        (Effect(id="magic", parameters={}), "strange.json: no effect 'magic' is known"),
+        (
+            Effect(id="direction_asymmetry", parameters={"shar": 0.1}),
+            "strange.json: direction_asymmetry has no parameter 'shar'; it has: share",
+        ),
+    ):
+        strange = model.model_copy(update={"effects": [effect]})
+        path.write_text(strange.model_dump_json(by_alias=True), "utf-8")
+        with pytest.raises(BaseModelError, match=told):
+            base_model(str(path), "friction")
