@@ -132,6 +132,13 @@ def test_a_device_that_does_not_answer_fails(tmp_path: Path) -> None:
     assert {line["verdict"] for line in told[1:]} == {"skip"}
 
 
+def test_the_configuration_is_named_as_of_every_other_command(tmp_path: Path) -> None:
+    file = configured(tmp_path, DEVICE.format(address="127.0.0.1:1"))
+    for words in (("--config", file), ("-c", file), (file,)):
+        assert "no simulated device at 127.0.0.1:1" in run(*words, "--json", "--yes").stdout
+    assert run(file, "-c", file, "--json", "--yes").exit_code == Exit.USAGE
+
+
 def test_a_report_that_cannot_be_written_is_told_before(tmp_path: Path) -> None:
     result = run(configured(tmp_path, VIRTUAL), "--out", tmp_path / "no" / "report.json")
     assert result.exit_code == Exit.USAGE

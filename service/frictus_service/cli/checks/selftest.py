@@ -31,9 +31,9 @@ COLOUR: Final = {"ok": "green", "warn": "yellow", "fail": "red", "skip": "dim"}
 
 
 def selftest(
-    config: Annotated[
+    named: Annotated[
         Path | None,
-        typer.Argument(metavar="[CONFIG]", help="Configuration.  [default: frictus.toml]"),
+        typer.Argument(metavar="[CONFIG]", help="Configuration, as --config names it."),
     ] = None,
     yes: Annotated[
         bool, typer.Option("--yes", help="Nobody touches the screen: ask nothing.")
@@ -41,6 +41,7 @@ def selftest(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write a report, JSON.")
     ] = None,
+    config: ConfigFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Test the configured rig itself: noise, loop-back, step latency, sensors.
@@ -50,7 +51,9 @@ def selftest(
     from frictus_service.config_file import load
     from frictus_service.selftest.report import worst
 
-    loaded = load(config)
+    if named is not None and config is not None:
+        raise typer.BadParameter("one configuration is tested; name it once")
+    loaded = load(named or config)
     lines = wants_lines(as_json)
     interactive = not lines and not yes and sys.stdin.isatty()
     check_out(out)
