@@ -21,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 from frictus.keys import STREAMS
 from frictus_service.errors import TornError
 
+HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
 PROFILE: Final = "frictus"
 GAPS: Final = "recording/gaps"
 PRESENCE: Final = "recording/presence"
@@ -160,7 +161,10 @@ class RecordScanner:
         TornError
             At the first record that is not whole; all that was yielded before it is right.
         """
-        if self._take(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+        magic = self._take(len(MCAP0_MAGIC))
+        if magic == HDF5_MAGIC:
+            raise TornError(0, "HDF5, no recording: frictus study show --check reads a study")
+        if magic != MCAP0_MAGIC:
             raise TornError(
                 0,
                 "not an MCAP file: its first bytes are others (frictus study import makes a "

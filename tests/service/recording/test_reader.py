@@ -6,6 +6,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from mcap.opcode import Opcode
@@ -60,6 +61,13 @@ def test_a_recording_that_does_not_say_what_its_rig_is_becomes_no_tape(
 ) -> None:
     with pytest.raises(RecordingError, match=r"no status\.json"):
         export_tape(make_whole(10).path, tmp_path / "out.h5")
+
+
+def test_of_a_study_it_is_said_what_checks_it(tmp_path: Path) -> None:
+    path = tmp_path / "study.h5"
+    h5py.File(path, "w").close()
+    with pytest.raises(RecordingError, match="study show --check"):
+        RecordingReader(path)
 
 
 def test_a_file_that_is_shortened_while_it_is_read_ends_there(
