@@ -22,7 +22,7 @@ browser:
 ci:
     .ci/run
 
-# analyses and processes of many seconds each: 12 minutes
+# analyses and processes of many seconds each: 25 to 40 minutes
 long:
     .ci/long
 
