@@ -120,6 +120,15 @@ def test_without_a_texture_it_says_what_was_missing(endpoint: str, tmp_path: Pat
     assert not (tmp_path / "m.json").exists()
 
 
+def test_a_mount_that_a_running_tracker_would_not_take_is_refused(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frictus.Rig, "estimate", lambda _rig: None)  # somebody tracks it
+    refused = run("track", "--router", endpoint, "--mount", "none", "--seconds", 0.5)
+    assert refused.exit_code == Exit.USAGE
+    assert "leave it out" in refused.stderr
+
+
 def test_a_client_hears_that_nobody_estimates(endpoint: str) -> None:
     with frictus.connect(endpoint, "test", timeout_s=0.3) as client:
         rig = client.rig("rig1", wait_s=5.0)

@@ -71,7 +71,7 @@ def track(
     check_out(out, *(Path(each) for each in (file, mount) if each is not None))
     if file is None:
         target = TargetRig.of(config, router, site, rig)
-        state = _live(target, mount or MOUNT, seconds, as_json)
+        state = _live(target, mount, seconds, as_json)
     elif file.suffix.lower() in STUDIES:
         if mount is not None:
             raise typer.BadParameter(f"--mount {mount}: {file} says which mount it has")
@@ -92,7 +92,7 @@ def track(
 
 
 def _live(
-    target: TargetRig, mount: str, seconds: float | None, as_json: bool
+    target: TargetRig, mount: str | None, seconds: float | None, as_json: bool
 ) -> "EstimateState | None":
     import frictus
     from frictus.errors import LinkError
@@ -122,8 +122,13 @@ def _live(
         try:
             rig.estimate()
         except LinkError:  # nobody tracks this rig
-            _track(client, rig, mount, target.config, tell, over)
+            _track(client, rig, mount or MOUNT, target.config, tell, over)
         else:
+            if mount is not None:
+                raise typer.BadParameter(
+                    f"--mount {mount}: this rig has a tracker, whose [tracker] of the "
+                    "configuration says the mount; leave it out"
+                )
             with rig.watch(Topics.ESTIMATE, timeout_s=SILENT_S) as states:
                 for state in states:
                     tell(state)  # type: ignore[arg-type]
