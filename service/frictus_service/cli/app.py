@@ -137,13 +137,15 @@ def bench(as_json: AsJson = False) -> None:
 def paper(
     as_json: AsJson = False,
     participants: Annotated[
-        int | None, typer.Option("--participants", min=2, help="How many.  [default: 8; 10]")
+        int | None,
+        typer.Option("--participants", min=2, help="How many.  [default: 8; 10 with --full]"),
     ] = None,
     full: Annotated[
         bool, typer.Option("--full", help="All of the paper's conditions: 10 GB.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", min=1.0, help="Of a trial.  [default: 3; 10]")
+        float | None,
+        typer.Option("--seconds", min=1.0, help="Of a trial.  [default: 3; 10 with --full]"),
     ] = None,
     out: Annotated[
         Path | None,
