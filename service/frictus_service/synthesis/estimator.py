@@ -23,7 +23,7 @@ from numba import njit
 from frictus.block import FingerSensor
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
-from frictus_service.synthesis.finger_motion.contact import ContactDetector
+from frictus_service.synthesis.finger_motion.contact import STILL_S, ContactDetector
 from frictus_service.synthesis.finger_motion.filter_judge import FilterJudge
 from frictus_service.synthesis.finger_motion.inertial_filter import InertialFilter
 from frictus_service.synthesis.finger_motion.nail_acceleration import (
@@ -113,6 +113,7 @@ class FingerEstimator:
         self._places: deque[tuple[float, float, float]] = deque(maxlen=2)  # time, x and y
         self._reported = False  # whether the last of them was of a finger on the screen
         self._newest_sample = -np.inf
+        self._moved_sample = -np.inf  # of the last that was not of the place of the one before
         self._report_sample = -np.inf  # of the last that was believed
         self._follows = False
         self._next_sample: int | None = None
@@ -211,9 +212,12 @@ class FingerEstimator:
         time_s = self._instants.instant_s(stamp_s, place)
         # Of two fingers every other report is near one: only the last report confirms.
         alone = self._reported and math.dist(place, self._places[-1][1:]) > JUMP_MM
+        if not self._reported or place != self._places[-1][1:]:
+            self._moved_sample = report.measured_sample
+        still = report.measured_sample - self._moved_sample >= STILL_S * self._rate_hz
         self._places.append((time_s, *place))
         self._reported = report.in_contact
-        self._contact.report(report.in_contact)
+        self._contact.report(report.in_contact, still)
         if not self.in_contact:
             self._follows = False
         touches = self.in_contact and report.in_contact

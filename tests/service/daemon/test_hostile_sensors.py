@@ -135,6 +135,31 @@ def test_a_report_of_a_time_to_come_does_not_keep_a_finger_fresh(
     assert not any(turn.exchange.applied_v.any() for turn in bench.turn(LATE_S))
 
 
+@pytest.mark.parametrize("with_force", [True, False])
+def test_a_touch_sensor_that_freezes_with_fresh_stamps_has_no_air_driven(
+    bench: Bench, with_force: bool
+) -> None:
+    """The finger lifts, which the force alone says; or there was no finger to begin with."""
+    lifted = bench.now_s + 1.0
+
+    def lie(exchange: Exchange) -> Exchange:
+        frozen = (replace(each, x_mm=30.0, y_mm=17.0) for each in exchange.touches)
+        if bench.now_s > lifted or not with_force:
+            force = 0.002 * np.random.default_rng(exchange.first_sample).standard_normal(
+                exchange.force_n.shape
+            )
+            exchange = replace(exchange, force_n=force)
+        return replace(exchange, touches=tuple(frozen))
+
+    told(bench, lie)
+    felt = any(turn.exchange.applied_v.any() for turn in bench.turn(1.0)[100:])
+    assert felt == with_force
+    bench.turn(LATE_S)
+    assert not any(turn.exchange.applied_v.any() for turn in bench.turn(5.0))
+    told(bench, None)
+    assert any(turn.exchange.applied_v.any() for turn in bench.turn(2.0))
+
+
 def test_a_report_of_a_time_to_come_does_not_hold_off_those_that_follow(bench: Bench) -> None:
     once: list[TouchReport] = []
 

@@ -3,7 +3,9 @@
 The force sensor has an offset that drifts; it is estimated while the touch sensor reports no
 contact. Where the force contradicts the touch sensor for longer than reports are late, the
 force sensor has failed or something else loads the screen: then the touch sensor alone
-decides, until both agree again. What loads the screen meanwhile is learned as offset, unless
+decides, until both agree again. But a touch sensor that reports one place again and again has
+failed itself as likely, and a finger at rest feels nothing: without a force it is not believed
+until the place changes. What loads the screen meanwhile is learned as offset, unless
 it was a finger all the time: then the touch sensor finds one without a rise of the force.
 """
 
@@ -23,6 +25,8 @@ OFFSET_S: Final = 1.0
 """Within which the offset is learned anew."""
 CONTRADICTED_S: Final = 0.2
 """Longer than any touch report takes."""
+STILL_S: Final = 0.1
+"""Before a force that says otherwise has contradicted the touch sensor for long enough."""
 FORGIVEN: Final = 0.25
 """Of a contradiction, by so much agreement; each contact begins and ends with a short one."""
 AGREED_S: Final = 0.5
@@ -40,6 +44,7 @@ class ContactDetector:
 
     def __init__(self) -> None:
         self._reported: bool | None = None
+        self._still = False
         self._pressed = False
         self._offset_n = 0.0
         self._doubted = False  # since force and touch sensor contradicted, until a landing
@@ -56,18 +61,29 @@ class ContactDetector:
         """Whether a finger touches."""
         if self._reported is None:
             return False
-        return self._pressed if self.by_force else self._reported
+        if self.by_force:
+            return self._pressed
+        return self._reported and (self._pressed or not (self._sensed and self._still))
 
     @property
     def by_force(self) -> bool:
         """Whether the force says so, and not the touch sensor."""
         return self._sensed and self._by_force
 
-    def report(self, in_contact: bool) -> None:
-        """Take what the touch sensor says."""
+    def report(self, in_contact: bool, still: bool = False) -> None:
+        """Take what the touch sensor says.
+
+        Parameters
+        ----------
+        in_contact : bool
+            Whether it sees a finger.
+        still : bool
+            Whether it has seen it at the same place, to the last bit, for `STILL_S`.
+        """
         if in_contact and self._reported is False and self._doubted:
             self._landing_s = 0.0
         self._reported = in_contact
+        self._still = in_contact and still
 
     def sense(self, normal_n: FloatArray, block_s: float, reported: bool = True) -> None:
         """Take the normal force of a block.
@@ -97,7 +113,8 @@ class ContactDetector:
         """Judge the force by the touch sensor, and learn its offset where nobody touches."""
         agrees = self._pressed == self._reported
         self._agreed_s = self._agreed_s + block_s if agrees else 0.0
-        self._apart_s = max(self._apart_s + (-FORGIVEN if agrees else 1.0) * block_s, 0.0)
+        apart = -FORGIVEN if agrees else float(not self._still)
+        self._apart_s = max(self._apart_s + apart * block_s, 0.0)
         if self._by_force:
             self._by_force = self._apart_s < CONTRADICTED_S
             self._doubted |= not self._by_force

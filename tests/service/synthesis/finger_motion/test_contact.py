@@ -81,6 +81,35 @@ def test_a_contradiction_lasts_no_longer_than_a_report(rng: np.random.Generator)
     assert detector.by_force
 
 
+def test_a_touch_sensor_that_repeats_one_place_contradicts_nothing(
+    rng: np.random.Generator,
+) -> None:
+    detector = ContactDetector()
+    detector.report(True)
+    feed(detector, rng, 0.4, 1.0)
+    detector.report(True, still=True)
+    assert all(feed(detector, rng, 0.4, 1.0))  # a finger at rest
+    assert not any(feed(detector, rng, 0.0, 10.0))
+    assert detector.by_force
+    detector.report(True)  # and moves: it is the force that has failed
+    assert all(feed(detector, rng, 0.0, 1.0)[round(CONTRADICTED_S / BLOCK_S) :])
+    assert not detector.by_force
+    detector.report(True, still=True)
+    assert not detector.in_contact
+    detector.report(True)
+    assert detector.in_contact
+
+
+def test_where_no_force_is_measured_a_finger_at_rest_is_still_there(
+    rng: np.random.Generator,
+) -> None:
+    detector = ContactDetector()
+    detector.report(True, still=True)
+    assert detector.in_contact
+    detector.sense(np.zeros(100), BLOCK_S)
+    assert detector.in_contact
+
+
 def test_taps_leave_the_force_believed_and_a_rattle_does_not(rng: np.random.Generator) -> None:
     detector = ContactDetector()
     detector.report(False)
